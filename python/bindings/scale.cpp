@@ -82,7 +82,7 @@ Dict build(const HeldFolder& held, const io::TriangleSource& source, const lod::
            const std::tuple<uint32_t, uint32_t, uint32_t, float>& precision, uint32_t page_bytes,
            const std::vector<std::string>& command, uint32_t workers, uint64_t input_vertices,
            bool input_is_same, const nb::object& progress, uint32_t threads,
-           const nb::object& executor_object, bool force) {
+           const nb::object& executor_object, bool force, const std::string& scene) {
   if (!held.folder) throw Error(ErrorCode::kInvalidArgument, "the work folder was closed");
   scale::AssetBuild build;
   build.config = config;
@@ -94,6 +94,7 @@ Dict build(const HeldFolder& held, const io::TriangleSource& source, const lod::
   std::tie(asset.normal_bits, asset.tangent_bits, asset.color_bits, asset.uv_step) = precision;
   asset.page_bytes = page_bytes;
   build.finish.contents.materials = materials;
+  build.finish.contents.scene = scene;
   build.finish.contents.first_materials = {0};
   for (const nb::handle file : files) {
     const auto bytes = nb::cast<nb::bytes>(file);
@@ -157,7 +158,7 @@ void bind_scale(nb::module_& module) {
       "build_units", &build, "folder"_a, "source"_a, "config"_a, "unit_triangles"_a, "path"_a,
       "metadata"_a, "materials"_a, "files"_a, "precision"_a, "page_bytes"_a, "command"_a,
       "workers"_a, "input_vertices"_a, "input_is_same"_a, "progress"_a = nb::none(),
-      "threads"_a = 0, "executor"_a = nb::none(), "force"_a = false,
+      "threads"_a = 0, "executor"_a = nb::none(), "force"_a = false, "scene"_a = "",
       nb::sig(
           "def build_units(folder: WorkFolder, source: TriangleSource, config: "
           "LodConfig, unit_triangles: int, path: str | os.PathLike[str], metadata: "
@@ -165,7 +166,8 @@ void bind_scale(nb::module_& module) {
           "files: list[bytes], precision: tuple[int, int, int, float], page_bytes: int, command: "
           "collections.abc.Sequence[str], workers: int, input_vertices: int, "
           "input_is_same: bool, progress: object | None = None, threads: int = 0, "
-          "executor: object | None = None, force: bool = False) -> dict[str, typing.Any]"));
+          "executor: object | None = None, force: bool = False, scene: str = '') -> "
+          "dict[str, typing.Any]"));
   module.def(
       "run_unit",
       [](const std::filesystem::path& work, uint32_t tier, uint32_t unit, uint32_t threads,

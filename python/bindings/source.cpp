@@ -18,6 +18,8 @@ namespace {
 using io::Scalar;
 /// Table, type as NumPy has it, offsets, and whether integers stand for fractions.
 using ColumnArguments = std::tuple<uint32_t, std::string, std::vector<uint32_t>, bool>;
+/// Kind and set of an Extra, and where its values are.
+using ExtraArguments = std::tuple<uint32_t, uint32_t, ColumnArguments>;
 /// Type, and the type of the length or nothing.
 using PropertyArguments = std::tuple<std::string, std::optional<std::string>>;
 
@@ -32,17 +34,22 @@ Scalar scalar_of(const std::string& name) {
   return found->second;
 }
 
+io::Column column_of(const ColumnArguments& given) {
+  const auto& [table, type, offsets, unit] = given;
+  return {table, scalar_of(type), offsets, unit};
+}
+
 io::Column column_of(const std::map<std::string, ColumnArguments>& columns, const char* name) {
   const auto found = columns.find(name);
   if (found == columns.end()) return {};
-  const auto& [table, type, offsets, unit] = found->second;
-  return {table, scalar_of(type), offsets, unit};
+  return column_of(found->second);
 }
 
 uint32_t add_part(io::TableLayout& layout, const std::string& name,
                   const std::map<std::string, ColumnArguments>& columns, uint64_t triangles,
                   std::optional<uint32_t> material, uint32_t default_material, float color_divisor,
-                  const std::optional<std::array<double, 12>>& transform) {
+                  const std::optional<std::array<double, 12>>& transform,
+                  const std::vector<ExtraArguments>& extras) {
   io::TablePart part;
   part.name = name;
   part.positions = column_of(columns, "positions");
@@ -53,6 +60,8 @@ uint32_t add_part(io::TableLayout& layout, const std::string& name,
   part.indices = column_of(columns, "indices");
   part.uv_indices = column_of(columns, "uv_indices");
   part.normal_indices = column_of(columns, "normal_indices");
+  for (const auto& [kind, set, column] : extras)
+    part.extras.push_back({{static_cast<ExtraKind>(kind), set}, column_of(column)});
   part.materials = column_of(columns, "materials");
   part.triangles = triangles;
   part.material = material.value_or(0);
@@ -173,6 +182,12 @@ Dict read(const io::TriangleSource& source, uint64_t begin, uint64_t end) {
   out["colors"] = optional(nb::cast(take<float>(std::move(block.colors))), streams.colors);
   out["materials"] =
       optional(nb::cast(take<uint32_t>(std::move(block.materials))), streams.materials);
+  if (streams.extras.empty()) return out;
+  nb::list extras;
+  for (const Extra& extra : streams.extras)
+    extras.append(nb::make_tuple(static_cast<uint32_t>(extra.kind), extra.set));
+  out["extras"] = extras;
+  out["extra_values"] = take<float>(std::move(block.extra_values));
   return out;
 }
 
@@ -262,7 +277,7 @@ void bind_source(nb::module_& module) {
            "Writes an OBJ file as tables, and adds those.")
       .def("add_part", &add_part, "name"_a, "columns"_a, "triangles"_a = 0,
            "material"_a = nb::none(), "default_material"_a = kNone, "color_divisor"_a = 1.0f,
-           "transform"_a = nb::none());
+           "transform"_a = nb::none(), "extras"_a = nb::make_tuple());
   nb::class_<io::TableSource, io::TriangleSource>(module, "TableSource")
       .def(nb::init<io::TableLayout>(), "layout"_a);
 }

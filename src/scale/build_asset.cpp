@@ -4,10 +4,13 @@
 #include <array>
 #include <bit>
 #include <cstdio>
+#include <iterator>
+#include <limits>
 
 #include "base/hash.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "scale/taken_positions.hpp"
 #include "scale/vertex_rows.hpp"
 
 namespace umbel::scale {
@@ -44,7 +47,37 @@ uint64_t hash_of(const io::TriangleBlock& block, size_t v) {
       hash = mix64(hash ^ bits);
   };
   add(block.normals), add(block.tangents), add(block.uvs), add(block.colors);
+  const size_t width = block.extra_values.size() / block.positions.size();
+  for (size_t k = v * width; k < (v + 1) * width; ++k)
+    hash = mix64(hash ^ std::bit_cast<uint32_t>(block.extra_values[k]));
   return hash;
+}
+
+// Those of sorted values that there are once.
+std::vector<uint64_t> single_values(std::span<const uint64_t> values) {
+  std::vector<uint64_t> single;
+  for (size_t i = 0; i < values.size(); ++i)
+    if ((i == 0 || values[i - 1] != values[i]) &&
+        (i + 1 == values.size() || values[i + 1] != values[i]))
+      single.push_back(values[i]);
+  return single;
+}
+
+// How many vertices are at one place, of so many in all, where triangles are in random order: by
+// what samples have in common. Two of these suffice to show that the order is not random; then it
+// is 1. Meshes that are closed in part only are why it says less than it finds.
+double vertices_at_a_place(std::span<const std::vector<uint64_t>> samples, double all) {
+  constexpr double kCaution = 1.5;
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t a = 0; a < samples.size(); ++a)
+    for (size_t b = a + 1; b < samples.size(); ++b) {
+      std::vector<uint64_t> common;
+      std::ranges::set_intersection(samples[a], samples[b], std::back_inserter(common));
+      const double pairs =
+          static_cast<double>(samples[a].size()) * static_cast<double>(samples[b].size());
+      least = std::min(least, static_cast<double>(common.size()) * all / std::max(1.0, pairs));
+    }
+  return std::max(1.0, (1 + least) / kCaution);
 }
 
 uint64_t bytes_of_triangle(const io::SourceStreams& streams, const VertexShare& share) {
@@ -64,17 +97,23 @@ VertexShare vertex_share(const io::TriangleSource& source, uint64_t vertices) {
   const uint64_t triangles = source.triangles();
   if (triangles == 0) return {};
   double given = 0, distinct = 0, read = 0;
+  std::vector<std::vector<uint64_t>> once;
   for (uint64_t k = 0; k < kSamples; ++k) {
     const uint64_t begin = triangles / kSamples * k;
     const io::TriangleBlock block = source.read(begin, std::min(begin + kSample, triangles));
     std::vector<uint64_t> hashes(block.positions.size());
     for (size_t v = 0; v < hashes.size(); ++v) hashes[v] = hash_of(block, v);
     std::sort(hashes.begin(), hashes.end());
+    once.push_back(single_values(hashes));
     given += static_cast<double>(hashes.size());
     distinct += static_cast<double>(std::unique(hashes.begin(), hashes.end()) - hashes.begin());
     read += static_cast<double>(block.triangles.size());
   }
   VertexShare share{given / read, distinct / read};
+  if (triangles > kSamples * kSample) {
+    const double all = share.given * static_cast<double>(triangles);
+    share.distinct = std::min(share.distinct, share.given / vertices_at_a_place(once, all));
+  }
   // Triangles that jump about among their vertices have few in common in a block.
   if (vertices > 0)
     share.distinct =
@@ -88,14 +127,15 @@ MemoryPlan plan_memory(uint64_t memory, uint32_t cores, uint64_t triangles,
   MemoryPlan plan;
   // Units of later tiers may be larger once, where little could be simplified.
   const uint64_t in_unit = std::min(triangles, scale.capacity);
-  plan.unit_bytes = kWorkerBytes + in_unit * bytes_of_triangle(streams, share);
-  plan.least = std::max(kDriverBytes + plan.unit_bytes, kPassBytes);
+  const uint64_t taken = triangles > scale.capacity ? TakenPositions::bytes(triangles) : 0;
+  plan.unit_bytes = kWorkerBytes + taken + in_unit * bytes_of_triangle(streams, share);
+  plan.least = std::max(kDriverBytes + plan.unit_bytes, kPassBytes) + taken;
   if (memory < plan.least)
     throw Error(ErrorCode::kInvalidArgument,
                 "memory of " + gigabytes(memory) + " is too little: units of " +
                     std::to_string(in_unit) + " triangles need " + gigabytes(plan.least) +
                     "; give that, or make units smaller with unit_triangles");
-  const uint64_t fitting = (memory - kDriverBytes) / plan.unit_bytes;
+  const uint64_t fitting = (memory - kDriverBytes - taken) / plan.unit_bytes;
   plan.workers = static_cast<uint32_t>(std::clamp<uint64_t>(fitting, 1, std::max(1u, cores)));
   return plan;
 }

@@ -182,12 +182,14 @@ void PartitionBuilder::cut(const Cells& cells, uint32_t node, uint32_t used) {
 
 CellCounts count_cells(const io::TriangleSource& source, const PointRule& rule,
                        const PartitionBuilder& builder, uint64_t begin, uint64_t end,
-                       SourceMeasure* measure) {
+                       const CellPass& pass) {
+  SourceMeasure* const measure = pass.measure;
   CellCounts counts = builder.empty_counts();
   io::for_each_block(source, begin, end, io::kBlockTriangles, [&](const io::TriangleBlock& block) {
     const std::vector<Vec3> points = points_of(block, rule);
     for (const Triangle& t : block.triangles)
       builder.count(counts, centroid(points[t[0]], points[t[1]], points[t[2]]), 1);
+    if (pass.taken) pass.taken->add(points);
     if (!measure) return;
     MeshView view;
     view.positions = points;
@@ -205,7 +207,7 @@ Partition build_partition(const io::TriangleSource& source, const PointRule& rul
                           const PartitionConfig& config, SourceMeasure* measure) {
   PartitionBuilder builder(box, config);
   for (; !builder.is_done(); measure = nullptr)  // once is enough
-    builder.advance(count_cells(source, rule, builder, 0, source.triangles(), measure));
+    builder.advance(count_cells(source, rule, builder, 0, source.triangles(), {measure}));
   return builder.finished();
 }
 

@@ -8,6 +8,7 @@
 #include "io/source/triangle_source.hpp"
 #include "scale/partition.hpp"
 #include "scale/point_rule.hpp"
+#include "scale/taken_positions.hpp"
 
 namespace umbel::scale {
 
@@ -64,10 +65,16 @@ struct SourceMeasure {
   uint64_t is_exact = 0;    ///< given: nothing is rounded
 };
 
-/// Counts the triangles [begin, end) for this round, and measures them where that is asked for.
+/// What a pass does besides, where that is asked for.
+struct CellPass {
+  SourceMeasure* measure = nullptr;
+  TakenPositions* taken = nullptr;
+};
+
+/// Counts the triangles [begin, end) for this round.
 CellCounts count_cells(const io::TriangleSource& source, const PointRule& rule,
                        const PartitionBuilder& builder, uint64_t begin, uint64_t end,
-                       SourceMeasure* measure = nullptr);
+                       const CellPass& pass = {});
 
 /// All rounds over a whole source.
 Partition build_partition(const io::TriangleSource& source, const PointRule& rule, const Aabb& box,

@@ -44,6 +44,7 @@ struct Exits {
   /// After the first tier: directed edges between frozen positions, whose other sides may be
   /// elsewhere.
   std::vector<PositionEdge> undecided;
+  std::vector<Vec3> new_positions;  ///< that the unit has made, wherever they are now
 };
 
 /// The given clusters, with what belongs to them; no edges.
@@ -68,5 +69,6 @@ void for_each_array(Exits& exits, Visit& visit) {
   visit(exits.materials), visit(exits.labels), visit(exits.flags);
   for_each_array(exits.clusters, visit);
   visit(exits.spheres), visit(exits.generators), visit(exits.locked_edges), visit(exits.undecided);
+  visit(exits.new_positions);
 }
 }  // namespace umbel::scale

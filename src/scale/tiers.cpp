@@ -14,6 +14,7 @@
 #include "scale/route_exits.hpp"
 #include "scale/route_file.hpp"
 #include "scale/summary.hpp"
+#include "scale/taken_positions.hpp"
 #include "scale/undecided_edges.hpp"
 #include "scale/unit_task.hpp"
 #include "scale/work_file.hpp"
@@ -103,6 +104,7 @@ class Tiers {
       : source_(source),
         config_(config),
         scale_(scale),
+        capacity_of_units_(scale.capacity),
         rounds_(scale.rounds_of_tier()),
         work_(work),
         options_(options) {}
@@ -175,7 +177,11 @@ class Tiers {
     passes.measure = {SourceMeasure{}};
     const PointRule rule{choose_origin(summary), config_.position_step};
     passes.measure[0].is_exact = summary.exact && rule.origin == Vec3d{0, 0, 0} ? 1 : 0;
-    passes.partition = partition_of_source(box_of(summary, rule), rule, passes.measure[0]).bytes();
+    TakenPositions taken;
+    CellPass pass{&passes.measure[0]};
+    if (may_have_new_positions()) pass.taken = &(taken = TakenPositions(triangles_));
+    passes.partition = partition_of_source(box_of(summary, rule), rule, pass).bytes();
+    if (pass.taken) taken.write(taken_file(work_, 0));
     write_record(path, passes);
     return passes;
   }
@@ -198,16 +204,38 @@ class Tiers {
     return triangles_ == 0 ? 1 : static_cast<double>(triangle) / static_cast<double>(triangles_);
   }
 
-  Partition partition_of_source(const Aabb& box, const PointRule& rule,
-                                SourceMeasure& measure) const {
+  // Where there are several units, those must be told what others have.
+  bool may_have_new_positions() const {
+    return config_.keep_area && source_.triangles() > capacity_of_units_;
+  }
+
+  // Of the source, and of all units of the tiers before.
+  void write_taken(uint32_t tier) const {
+    if (is_whole(taken_file(work_, tier))) return;
+    TakenPositions taken;
+    if (tier == 0) {
+      taken = TakenPositions(source_.triangles());
+      io::for_each_block(
+          source_, 0, source_.triangles(), io::kBlockTriangles,
+          [&](const io::TriangleBlock& block) { taken.add(points_of(block, rule_)); });
+    } else {
+      write_taken(tier - 1);
+      taken = TakenPositions::read(taken_file(work_, tier - 1));
+      const auto units = read_record<TierPlan>(plan_file(work_, tier)).shards.at(0);
+      for (uint32_t u = 0; u < units; ++u) taken.add(exits_of(tier - 1, u).new_positions);
+    }
+    taken.write(taken_file(work_, tier));
+  }
+
+  Partition partition_of_source(const Aabb& box, const PointRule& rule, CellPass pass) const {
     PartitionBuilder builder(
         box, {.capacity = scale_.capacity, .resolution = resolution_of(triangles_)});
-    for (SourceMeasure* once = &measure; !builder.is_done(); once = nullptr) {
+    for (; !builder.is_done(); pass = {}) {  // once is enough
       CellCounts counts;
       for (uint64_t at = 0; at == 0 || at < triangles_; at += kStep) {
         report(0.02 + 0.03 * part(at), "dividing");
         CellCounts some =
-            count_cells(source_, rule, builder, at, std::min(at + kStep, triangles_), once);
+            count_cells(source_, rule, builder, at, std::min(at + kStep, triangles_), pass);
         if (at == 0)
           counts = std::move(some);
         else
@@ -267,6 +295,7 @@ class Tiers {
         route_source();
       else
         route_tier();
+      if (may_have_new_positions()) write_taken(tier_);
       const double share = plan_.tier[0].is_last ? 0.9 - fraction_ : 0.75 * (0.9 - fraction_);
       const std::string stage = "tier " + std::to_string(tier_ + 1) + ", " +
                                 std::to_string(tasks.size()) +
@@ -359,6 +388,7 @@ class Tiers {
   const io::TriangleSource& source_;
   const lod::Config& config_;
   ScaleConfig scale_;
+  const uint64_t capacity_of_units_;  // of the first tier
   const uint32_t rounds_;
   const fs::path& work_;
   const TierOptions& options_;
@@ -379,25 +409,26 @@ void run_task(const std::filesystem::path& work, const Task& task,
   const Partition partition = Partition::from_bytes(plan.partition);
   const TierConfig& tier = plan.tier.at(0);
   const uint32_t serial = plan.first_serial.at(0) + task.unit;
-  const fs::path parts = unit_file(work, task, ".parts");
   std::vector<fs::path> files;
   if (shards)
     for (const uint32_t s : *shards) files.push_back(shard_file(work, task.tier, s));
   else
     for (uint32_t s = 0; s < plan.shards.at(0); ++s)
       files.push_back(shard_file(work, task.tier, s));
+  const UnitPositions unused(partition, task.unit, taken_file(work, task.tier));
+  const bool may_enlarge = tier.config.keep_area && !tier.is_whole;
+  const UnitOutput output{serial, unit_file(work, task, ".parts"), may_enlarge ? &unused : nullptr};
   BuiltUnit built;
   if (task.tier == 0) {
     built = build_unit(read_unit(files, partition, streams_of(plan), tier.box, task.unit), tier,
-                       serial, parts);
+                       output);
   } else {
     std::vector<Slice> slices;
     for (const fs::path& file : files) {
       const std::vector<std::byte> bytes = SliceReader(file).read(task.unit);
       if (!bytes.empty()) slices.push_back(record_of<Slice>(bytes));
     }
-    built =
-        build_unit(std::move(slices), plan.non_manifold, partition, task.unit, tier, serial, parts);
+    built = build_unit(std::move(slices), plan.non_manifold, partition, task.unit, tier, output);
   }
   write_record(unit_file(work, task, ".exits"), built.exits);
   UnitSummary summary{{built.next_level},

@@ -40,6 +40,7 @@ class ExitWriter {
     Exits exits = with_used_only(std::move(all));
     exits.locked_edges = std::move(locked_edges);
     exits.undecided = std::move(undecided_edges);
+    exits.new_positions = std::move(unit_.new_positions);
     return exits;
   }
 
@@ -92,10 +93,11 @@ class ExitWriter {
 
 // Some rounds, or all that are left. `generators`: of the clusters that the unit begins with.
 BuiltUnit run(lod::Unit& unit, std::vector<Generator> generators,
-              const std::vector<HalfKnownEdge>& half_known, const TierConfig& tier, uint32_t serial,
-              const std::filesystem::path& parts, bool is_first) {
+              const std::vector<HalfKnownEdge>& half_known, const TierConfig& tier,
+              const UnitOutput& output, bool is_first) {
   BuiltUnit built;
-  PartsWriter writer(parts, unit, generators, serial);
+  unit.unused = output.unused;
+  PartsWriter writer(output.parts, unit, generators, output.serial);
   const BuildOptions quiet;
   Progress progress(quiet);
   const lod::Decimator none;
@@ -109,7 +111,7 @@ BuiltUnit run(lod::Unit& unit, std::vector<Generator> generators,
   }
   writer.commit();
   for (size_t g = known; g < unit.generators.size(); ++g)
-    generators.push_back({group_id(serial, static_cast<uint32_t>(g - known)),
+    generators.push_back({group_id(output.serial, static_cast<uint32_t>(g - known)),
                           unit.generators[g].sphere, unit.generators[g].error});
   built.next_level = unit.level;
   if (!tier.is_last)
@@ -119,8 +121,7 @@ BuiltUnit run(lod::Unit& unit, std::vector<Generator> generators,
 
 }  // namespace
 
-BuiltUnit build_unit(UnitInput input, const TierConfig& tier, uint32_t serial,
-                     const std::filesystem::path& parts) {
+BuiltUnit build_unit(UnitInput input, const TierConfig& tier, const UnitOutput& output) {
   lod::Unit unit;
   unit.source = lod::make_source(input.mesh.view(), BuildOptions{});
   unit.source.scale = lod::simplification_scale(tier.box);
@@ -133,15 +134,15 @@ BuiltUnit build_unit(UnitInput input, const TierConfig& tier, uint32_t serial,
     if (unit.source.position_ids[p] == p && frozen.contains(unit.source.mesh.positions[p]))
       unit.frozen.push_back(p);
   input = {};
-  return run(unit, {}, {}, tier, serial, parts, true);
+  return run(unit, {}, {}, tier, output, true);
 }
 
 BuiltUnit build_unit(std::vector<Slice> slices, const std::vector<PositionEdge>& non_manifold,
                      const Partition& partition, uint32_t unit, const TierConfig& tier,
-                     uint32_t serial, const std::filesystem::path& parts) {
+                     const UnitOutput& output) {
   GatheredUnit gathered = gather_unit(std::move(slices), non_manifold, partition, unit, tier);
-  return run(gathered.unit, std::move(gathered.generators), gathered.half_known, tier, serial,
-             parts, false);
+  return run(gathered.unit, std::move(gathered.generators), gathered.half_known, tier, output,
+             false);
 }
 
 }  // namespace umbel::scale

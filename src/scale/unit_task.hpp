@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "lod/dag/unused_positions.hpp"
 #include "scale/exits.hpp"
 #include "scale/partition.hpp"
 #include "scale/unit_input.hpp"
@@ -35,22 +36,28 @@ struct TierConfig {
   bool is_whole = false;  ///< it is the first tier as well
 };
 
+/// Where a unit writes, and what it may use.
+struct UnitOutput {
+  uint32_t serial;              ///< of all units of all tiers
+  std::filesystem::path parts;  ///< the file of groups, which has its name once all are in it
+  /// For components that are enlarged; null: none are.
+  const lod::UnusedPositions* unused = nullptr;
+};
+
 struct BuiltUnit {
   Exits exits;
   uint32_t next_level = 0;  ///< above all of its groups
   lod::Report report;
 };
 
-/// A unit of the first tier. `serial` numbers units through all tiers. The groups go to the file
-/// `parts`, which has its name only once all of them are in it.
-BuiltUnit build_unit(UnitInput input, const TierConfig& tier, uint32_t serial,
-                     const std::filesystem::path& parts);
+/// A unit of the first tier.
+BuiltUnit build_unit(UnitInput input, const TierConfig& tier, const UnitOutput& output);
 
 /// A unit of a later tier, from the slices of all units of the tier before in their order.
 /// `non_manifold`: edges between once frozen positions that the first tier could not decide and
 /// that are not manifold.
 BuiltUnit build_unit(std::vector<Slice> slices, const std::vector<PositionEdge>& non_manifold,
                      const Partition& partition, uint32_t unit, const TierConfig& tier,
-                     uint32_t serial, const std::filesystem::path& parts);
+                     const UnitOutput& output);
 
 }  // namespace umbel::scale

@@ -228,6 +228,10 @@ fs::path shard_file(const fs::path& work, uint32_t tier, uint32_t shard) {
   return tier_folder(work, tier) / "route" / (std::string("s").append(number(shard)) + ".route");
 }
 
+fs::path taken_file(const fs::path& work, uint32_t tier) {
+  return tier_folder(work, tier) / "taken";
+}
+
 void make_tier_folders(const fs::path& work, uint32_t tier) {
   fs::create_directories(tier_folder(work, tier) / "route");
   fs::create_directories(tier_folder(work, tier) / "unit");

@@ -57,6 +57,8 @@ std::filesystem::path plan_file(const std::filesystem::path& work, uint32_t tier
 std::filesystem::path unit_file(const std::filesystem::path& work, const Task& task,
                                 const char* what);
 std::filesystem::path shard_file(const std::filesystem::path& work, uint32_t tier, uint32_t shard);
+/// Of TakenPositions, as they were before the tier.
+std::filesystem::path taken_file(const std::filesystem::path& work, uint32_t tier);
 void make_tier_folders(const std::filesystem::path& work, uint32_t tier);
 
 }  // namespace umbel::scale

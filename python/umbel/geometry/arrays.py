@@ -156,20 +156,21 @@ def extras_of(mesh: Mesh) -> tuple[list[tuple[int, int]], NDArray[np.float32] | 
             raise Error(
                 f"uv_sets[{k}] must have one row a vertex, {len(mesh.positions)}, not {len(uvs)}"
             )
-    for kind, name, values in (
-        (_JOINTS, "joints", mesh.joints),
-        (_WEIGHTS, "weights", mesh.weights),
-    ):
+    for kind, values in ((_JOINTS, mesh.joints), (_WEIGHTS, mesh.weights)):
         if values is not None:
-            if kind == _JOINTS and values.size and int(values.max()) > 1 << 24:
-                raise Error(
-                    f"{name} has the joint {int(values.max())}, at most {1 << 24} is possible"
-                )
+            if kind == _JOINTS:
+                check_joints(values)
             extras += [(kind, k) for k in range(values.shape[1] // 4)]
             columns.append(values.astype(np.float32))
     if not columns:
         return [], None
     return extras, np.ascontiguousarray(np.concatenate(columns, axis=1)).reshape(-1)
+
+
+def check_joints(joints: NDArray[Any]) -> None:
+    """Raises where a number is none that a float holds."""
+    if joints.size and int(joints.max()) > 1 << 24:
+        raise Error(f"joints has the joint {int(joints.max())}, at most {1 << 24} is possible")
 
 
 def _from_extras(arrays: dict[str, Any]) -> dict[str, Any]:

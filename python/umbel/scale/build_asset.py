@@ -7,7 +7,6 @@ import os
 import shutil
 import sys
 import time
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -15,7 +14,7 @@ from typing import Any
 
 import umbel
 from umbel import _umbel
-from umbel.errors import Error, LoadWarning
+from umbel.errors import Error
 from umbel.geometry.arrays import thread_count
 from umbel.geometry.mesh import Mesh
 from umbel.geometry.origin import Rounding
@@ -146,6 +145,7 @@ _SETTINGS = (
     "uv_weight",
     "color_weight",
     "tangent_weight",
+    "skin_weight",
     "keep_area",
     "refit_attributes",
     "max_levels",
@@ -189,9 +189,7 @@ def build_with(
             staging.begin()
         _remove_leftovers(made)
         files_or_blocks = fetch_sources(place.files, place.fetched) if place.files else source
-        opened = open_source(
-            files_or_blocks, folder_path / "source", config.get("attributes", True)
-        )
+        opened = open_source(files_or_blocks, folder_path / "source")
         is_same = _is_same_input(opened, folder_path / "source_stamp", folder.is_resumed)
         cores = thread_count(threads) or os.cpu_count() or 1
         plan = _umbel.plan_units(
@@ -240,6 +238,7 @@ def build_with(
             thread_count(threads),
             feed,
             force,
+            encode(opened.tree) if opened.tree else "",
         )
         _warn_of_rounding(opened, finished, place.said)
         finished["report"]["input_vertices"] = opened.vertices
@@ -271,7 +270,6 @@ def build_with(
             executor.close()
         if staging:
             staging.close()
-    _warn_of_area(finished, place.said)
     report = {**finished.pop("report"), "seconds": time.perf_counter() - began}
     return {
         **report,
@@ -361,22 +359,6 @@ def _warn_of_rounding(source: Source, finished: dict[str, Any], named: str) -> N
     sample = Mesh(some["positions"], some["triangles"], source=named)
     sample.rounding = Rounding(moved, finished["collapsed_triangles"])
     warn_of_rounding(sample)
-
-
-def _warn_of_area(finished: dict[str, Any], named: str) -> None:
-    """Where a build in memory would have enlarged what is left: a unit cannot, as it does not know
-    which positions others have."""
-    by_method = finished["report"]["groups_by_reason"]
-    thinner = sum(
-        factors.get("area lost", 0) for name, factors in by_method.items() if name != "sloppy"
-    )
-    if thinner:
-        warnings.warn(
-            f"{named}: in {thinner} of {finished['groups']} groups small components (leaves, "
-            "rubble) get sparser: only a build in memory enlarges those that are left",
-            LoadWarning,
-            stacklevel=3,
-        )
 
 
 def _name(files: Sequence[str]) -> str:

@@ -42,6 +42,7 @@ class Task:
     library: str  #: the build of the library that must do it
     #: What to fetch where `work` is an address.
     inputs: tuple[Input, ...] | None = None
+    files: tuple[str, ...] = ()  #: and of files that all units of the tier need, all
 
     @property
     def name(self) -> str:

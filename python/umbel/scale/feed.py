@@ -42,7 +42,8 @@ class Feed:
             task = Task(self._folder, tier, unit, self._threads, library())
         else:
             inputs = self._staging.inputs(tier, unit)
-            task = Task(self._staging.url, tier, unit, self._threads, library(), inputs)
+            files = self._staging.files(tier)
+            task = Task(self._staging.url, tier, unit, self._threads, library(), inputs, files)
         self._executor.submit(task)
 
     def wait(self, seconds: float) -> tuple[int, int, int, str] | None:

@@ -27,6 +27,10 @@ def _plan(tier: int) -> str:
     return f"t{tier}/plan"
 
 
+def _taken(tier: int) -> str:
+    return f"t{tier}/taken"
+
+
 def _shard(tier: int, shard: int) -> str:
     return f"t{tier}/route/s{shard:06d}.route"
 
@@ -43,8 +47,10 @@ def perform_staged(task: Task) -> dict[str, float]:
         folder = Path(name)
         for below in ("route", "unit"):
             (folder / f"t{task.tier}" / below).mkdir(parents=True)
-        remote.get(_plan(task.tier), folder / _plan(task.tier))
-        fetched = _fetch_inputs(remote, task, folder)
+        for file in (_plan(task.tier), *task.files):
+            remote.get(file, folder / file)
+        fetched = sum((folder / file).stat().st_size for file in task.files)
+        fetched += _fetch_inputs(remote, task, folder)
         ready = time.perf_counter()
         shards = [given.shard for given in task.inputs or ()]
         _umbel.run_unit(folder, task.tier, task.unit, task.threads, shards)
@@ -129,6 +135,10 @@ class Staging:
             self._inputs = {tier: self._store_tier(tier)}
         return tuple(self._inputs[tier].get(unit, ()))
 
+    def files(self, tier: int) -> tuple[str, ...]:
+        """What every unit of the tier needs besides."""
+        return (_taken(tier),) if (self._folder / _taken(tier)).exists() else ()
+
     def _store_tier(self, tier: int) -> dict[int, list[Input]]:
         there = self._remote.files()
         routes = sorted((self._folder / f"t{tier}" / "route").glob("s*.route"))
@@ -142,8 +152,8 @@ class Staging:
                 inputs.setdefault(unit, []).append(Input(shard, size, stretches))
             if there.get(_shard(tier, shard)) != size:
                 missing.append((path, _shard(tier, shard)))
-        plans = [_plan(tier), "t0/passes"]
-        missing += [(self._folder / n, n) for n in plans if (self._folder / n).exists()]
+        plans = [_plan(tier), "t0/passes", "t0/taken", _taken(tier)]
+        missing += [(self._folder / n, n) for n in set(plans) if (self._folder / n).exists()]
         list(self._transfers.map(lambda pair: self._remote.put(*pair), missing))
         return inputs
 

@@ -20,7 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 
 std::vector<Column*> vertex_columns(TablePart& part) {
-  return {&part.positions, &part.normals, &part.tangents, &part.uvs, &part.colors};
+  std::vector<Column*> all{&part.positions, &part.normals, &part.tangents, &part.uvs, &part.colors};
+  for (ExtraColumn& extra : part.extras) all.push_back(&extra.column);
+  return all;
 }
 
 /// The tables that hold vertices, each once.

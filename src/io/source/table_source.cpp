@@ -225,12 +225,41 @@ class PartReader {
     if (streams_.uvs)
       add_stream(part_.uvs, uv_rows_, block, block.uvs, Vec2{0, 0},
                  [](const float* p) { return Vec2{p[0], p[1]}; });
+    if (!streams_.extras.empty()) add_extras(block);
     if (!streams_.colors) return;
     const bool has_alpha = part_.colors.offsets.size() == 4;
     const float divisor = part_.color_divisor;
     add_stream(part_.colors, vertices_, block, block.colors, Vec4{1, 1, 1, 1}, [&](const float* p) {
       return Vec4{p[0] / divisor, p[1] / divisor, p[2] / divisor, has_alpha ? p[3] : 1.0f};
     });
+  }
+
+  // Of the block's vertices that are new: the values of one extra after the other.
+  void add_extras(TriangleBlock& block) {
+    const size_t width = extra_width(streams_.extras);
+    const size_t base = block.extra_values.size();
+    block.extra_values.resize(block.positions.size() * width, 0.0f);
+    const std::span<float> rows = std::span(block.extra_values).subspan(base);
+    size_t at = 0, first_joint = 0, first_weight = 0;
+    for (const Extra& extra : streams_.extras) {
+      if (extra.kind == ExtraKind::kJoints && extra.set == 0) first_joint = at;
+      if (extra.kind == ExtraKind::kWeights && extra.set == 0) first_weight = at;
+      const size_t own = extra_width(extra.kind);
+      for (const ExtraColumn& given : part_.extras) {
+        if (given.extra != extra) continue;
+        std::vector<float> values;
+        gather_rows(given.column, vertices_, values);
+        for (size_t v = 0; v * own < values.size(); ++v)
+          std::copy_n(values.begin() + static_cast<ptrdiff_t>(v * own), own,
+                      rows.begin() + static_cast<ptrdiff_t>(v * width + at));
+      }
+      at += own;
+    }
+    if (first_weight == 0) return;
+    const size_t joints = first_weight - first_joint;
+    for (size_t row = 0; row < rows.size(); row += width)
+      for (size_t k = 0; k < joints; ++k)
+        if (rows[row + first_weight + k] == 0) rows[row + first_joint + k] = 0;
   }
 
   void add_materials(uint64_t begin, uint64_t end, TriangleBlock& block, size_t triangle) {
@@ -276,8 +305,25 @@ TableSource::TableSource(TableLayout layout) : layout_(std::move(layout)) {
     streams_.tangents |= part.tangents.is_there();
     streams_.uvs |= part.uvs.is_there();
     streams_.colors |= part.colors.is_there();
+    for (const ExtraColumn& given : part.extras) streams_.extras.push_back(given.extra);
   }
+  find_extras();
   streams_.materials = layout_.has_materials;
+}
+
+// Those of all parts, each once, as MeshView has them.
+void TableSource::find_extras() {
+  std::vector<Extra>& extras = streams_.extras;
+  const auto key = [](const Extra& e) { return std::pair(e.kind, e.set); };
+  std::ranges::sort(extras, {}, key);
+  extras.erase(std::unique(extras.begin(), extras.end()), extras.end());
+  const auto count = [&](ExtraKind kind) { return std::ranges::count(extras, kind, &Extra::kind); };
+  if (count(ExtraKind::kJoints) != count(ExtraKind::kWeights))
+    throw Error(ErrorCode::kInvalidArgument, "joints and weights belong together");
+  if (extra_width(extras) > kMostExtraValues)
+    throw Error(ErrorCode::kUnsupported, "vertices have " + std::to_string(extra_width(extras)) +
+                                             " further values, more than " +
+                                             std::to_string(kMostExtraValues));
 }
 
 void TableSource::check(const Column& column, size_t width, uint64_t rows,
@@ -318,6 +364,10 @@ void TableSource::check(TablePart& part) const {
       (part.normal_indices.is_there() && !part.normals.is_there()))
     refuse(part, "a stream has indices and no values");
   check(part.colors, part.colors.offsets.size() == 3 ? 3 : 4, part.vertices, part);
+  for (const ExtraColumn& given : part.extras) {
+    if (width == 9) refuse(part, "corners have further values");
+    check(given.column, extra_width(given.extra.kind), part.vertices, part);
+  }
   check(part.indices, 3, part.triangles, part);
   check(part.materials, 1, part.triangles, part);
 }

@@ -12,6 +12,12 @@
 
 namespace umbel::io {
 
+/// Further texture coordinates, joints or weights: as many values as the kind has.
+struct ExtraColumn {
+  Extra extra;
+  Column column;
+};
+
 /// A mesh whose vertices are rows of tables.
 struct TablePart {
   std::string name;  ///< of the file, in messages
@@ -22,6 +28,7 @@ struct TablePart {
   Column colors;     ///< 3 or 4
   Column indices;    ///< 3, a row a triangle; without it, three vertices in a row are one
   Column uv_indices, normal_indices;  ///< 3; where these streams have rows of their own
+  std::vector<ExtraColumn> extras;    ///< in any order
   Column materials;                   ///< 1, a row a triangle
   uint32_t material = 0;              ///< of all triangles, or what is added to `materials`
   uint32_t default_material = kNone;  ///< of rows of `materials` that are kNone
@@ -41,7 +48,7 @@ struct TableLayout {
 };
 
 /// Normals that are off unit length by over a hundredth are made unit length. Parts without a
-/// stream that others have get zeros, and white.
+/// stream that others have get zeros, and white. Joints without weight are 0.
 class TableSource final : public TriangleSource {
  public:
   /// Throws kInvalidArgument for tables that do not fit each other and kCorrupt for one that its
@@ -53,6 +60,7 @@ class TableSource final : public TriangleSource {
   TriangleBlock read(uint64_t begin, uint64_t end) const override;
 
  private:
+  void find_extras();
   void check(TablePart& part) const;
   void check(const Column& column, size_t width, uint64_t rows, const TablePart& part) const;
 

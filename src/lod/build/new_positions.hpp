@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "base/interner.hpp"
 #include "base/math.hpp"
 #include "lod/dag/source.hpp"
+#include "lod/dag/unused_positions.hpp"
 #include "mesh/vertex_bits.hpp"
 
 namespace umbel::lod {
@@ -16,9 +18,11 @@ namespace umbel::lod {
 class NewPositions {
  public:
   /// Moves the new positions of enlarged components away from all others, to the next float or,
-  /// with a step, to the next multiple of it. Returns the farthest that one moved.
-  float set_apart(const Source& source, float step, AddedVertices& added) {
-    if (known_.keys().empty())
+  /// with a step, to the next multiple of it. Returns the farthest that one moved. With `unused`,
+  /// which has none of the source, they stay within that; nothing where they cannot.
+  std::optional<float> set_apart(const Source& source, float step, const UnusedPositions* unused,
+                                 AddedVertices& added) {
+    if (known_.keys().empty() && !unused)
       for (const Vec3& p : source.mesh.positions) known_.insert(without_negative_zero(p));
     const bool enlarged = !added.components.empty();
     float farthest = 0;
@@ -30,8 +34,13 @@ class NewPositions {
         continue;
       }
       const float before = p.x;
-      while (!known_.insert(without_negative_zero(p)).second && enlarged)
+      int steps = 0;
+      while (
+          !((!unused || unused->contains(p)) && known_.insert(without_negative_zero(p)).second) &&
+          enlarged) {
+        if (unused && ++steps > kMostSteps) return {};
         p.x = next(p.x, step, before < 0.5f * kMost);
+      }
       farthest = std::max(farthest, std::fabs(p.x - before));
     }
     return farthest;
@@ -41,6 +50,7 @@ class NewPositions {
 
  private:
   static constexpr float kMost = std::numeric_limits<float>::max();
+  static constexpr int kMostSteps = 4096;
 
   // Where floats are farther apart than the step, which is a power of two, all are multiples of it.
   static float next(float x, float step, bool upwards) {

@@ -21,14 +21,16 @@ std::vector<GroupResult> LevelSimplifier::simplify(const Clusters& groups, bool 
   for (size_t begin = 0; begin < results.size(); begin += kBatch) {
     const size_t count = std::min(kBatch, results.size() - begin);
     parallel_for(count, 1, [&](size_t i) {
-      results[begin + i] = simplify_group(
-          members_of(groups, begin + i),
-          {.locked_edges = true, .last_resort = last_resort, .taken = &unit_.locked_edges});
+      results[begin + i] =
+          simplify_group(members_of(groups, begin + i), {.locked_edges = true,
+                                                         .last_resort = last_resort,
+                                                         .unused = unit_.unused,
+                                                         .taken = &unit_.locked_edges});
     });
     progress(static_cast<double>(begin + count) / results.size());
   }
   settle_locked_edges(results, last_resort);
-  settle_added(results);
+  settle_added(results, last_resort);
   keep_one_triangle(results);
   return results;
 }
@@ -66,19 +68,33 @@ void LevelSimplifier::settle_locked_edges(std::vector<GroupResult>& results, boo
   }
   parallel_for(refused.size(), 1, [&](size_t i) {
     results[refused[i]] =
-        simplify_group(members_of(*groups_, refused[i]),
-                       {.locked_edges = false, .last_resort = last_resort, .taken = nullptr});
+        simplify_group(members_of(*groups_, refused[i]), {.locked_edges = false,
+                                                          .last_resort = last_resort,
+                                                          .unused = unit_.unused,
+                                                          .taken = nullptr});
   });
 }
 
+// New positions of a group are moved away from all others. Where that cannot be, the group is
+// simplified again without any. Returns the farthest that one moved.
+float LevelSimplifier::set_apart(std::span<const uint32_t> members, bool last_resort,
+                                 GroupResult& result) {
+  AddedVertices& added = result.simplified.added;
+  if (added.components.empty() && new_positions_.is_empty()) return 0;
+  const auto moved = new_positions_.set_apart(source_, config_.position_step, unit_.unused, added);
+  if (moved) return *moved;
+  result = simplify_group(members,
+                          {.locked_edges = false, .last_resort = last_resort, .taken = nullptr});
+  return 0;
+}
+
 // Vertices that groups have made get their numbers.
-void LevelSimplifier::settle_added(std::vector<GroupResult>& results) {
-  for (GroupResult& result : results) {
+void LevelSimplifier::settle_added(std::vector<GroupResult>& results, bool last_resort) {
+  for (size_t g = 0; g < results.size(); ++g) {
+    GroupResult& result = results[g];
+    if (result.simplified.added.position_ids.empty()) continue;
+    const float moved = set_apart(members_of(*groups_, g), last_resort, result);
     Simplified& simplified = result.simplified;
-    if (simplified.added.position_ids.empty()) continue;
-    float moved = 0;
-    if (!simplified.added.components.empty() || !new_positions_.is_empty())
-      moved = new_positions_.set_apart(source_, config_.position_step, simplified.added);
     simplified.error += moved;
     const uint32_t first = append_vertices(source_, simplified.added);
     for (size_t v = 0; v < simplified.added.position_ids.size(); ++v)
@@ -86,6 +102,9 @@ void LevelSimplifier::settle_added(std::vector<GroupResult>& results) {
         result.new_positions.push_back(simplified.added.mesh.positions[v]);
     for (uint32_t& v : result.clusters.vertices)
       if (v >= kAddedVertex) v = first + (v - kAddedVertex);
+    if (unit_.unused)
+      unit_.new_positions.insert(unit_.new_positions.end(), result.new_positions.begin(),
+                                 result.new_positions.end());
     if (moved > 0) fit_boxes(result.clusters);
     simplified.added = {};
   }

@@ -52,7 +52,8 @@ class LevelSimplifier {
   GroupResult simplify_group(std::span<const uint32_t> members, Allowance allow);
   void insert_own_locked_edges();
   void settle_locked_edges(std::vector<GroupResult>& results, bool last_resort);
-  void settle_added(std::vector<GroupResult>& results);
+  void settle_added(std::vector<GroupResult>& results, bool last_resort);
+  float set_apart(std::span<const uint32_t> members, bool last_resort, GroupResult& result);
   void fit_boxes(ClusterSet& clusters) const;
   void keep_one_triangle(std::vector<GroupResult>& results);
   bool is_degenerate(const Triangle& t) const;

@@ -7,6 +7,7 @@
 #include "lod/dag/cluster_set.hpp"
 #include "lod/dag/locked_edges.hpp"
 #include "lod/dag/source.hpp"
+#include "lod/dag/unused_positions.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel::lod {
@@ -30,6 +31,9 @@ struct Unit {
   std::vector<uint32_t> held;          ///< position ids of those, and of borders that stay
   uint32_t level = 0;                  ///< of the next groups
   bool is_whole = true;                ///< no other unit has a part of the surface, or ever had
+  /// Of a unit that is not: where small components may be enlarged to; null: nowhere.
+  const UnusedPositions* unused = nullptr;
+  std::vector<Vec3> new_positions;  ///< where they were, if others must know
 };
 
 }  // namespace umbel::lod

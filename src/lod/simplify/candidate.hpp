@@ -8,6 +8,7 @@
 #include "lod/dag/source.hpp"
 #include "lod/dag/sub_mesh.hpp"
 #include "lod/dag/topology.hpp"
+#include "lod/dag/unused_positions.hpp"
 #include "umbel/lod/build.hpp"
 
 namespace umbel::lod {
@@ -30,10 +31,11 @@ struct Candidate {
 
 /// What a simplification may do beyond the usual.
 struct Allowance {
-  bool locked_edges = true;              ///< new edges between locked vertices
-  bool last_resort = false;              ///< SimplifyMethod::kSloppy
-  bool new_positions = true;             ///< positions that the group does not have
-  const LockedEdgeSet* taken = nullptr;  ///< edges that others have; the caller checks the rest
+  bool locked_edges = true;                 ///< new edges between locked vertices
+  bool last_resort = false;                 ///< SimplifyMethod::kSloppy
+  bool new_positions = true;                ///< positions that the group does not have, anywhere
+  const UnusedPositions* unused = nullptr;  ///< without them: components may move to these
+  const LockedEdgeSet* taken = nullptr;     ///< edges that others have; the caller checks the rest
 };
 
 /// What a group becomes.

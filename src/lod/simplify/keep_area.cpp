@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 #include <vector>
@@ -84,6 +85,17 @@ std::vector<Vec3> centroids_of(const GroupMesh& group, const GroupComponents& co
   return centroids;
 }
 
+// To the first of some floats along x. Whether there is one.
+bool move_to_unused(const UnusedPositions& unused, Vec3& position) {
+  constexpr int kMost = 256;
+  const float end = std::numeric_limits<float>::max();
+  for (int k = 0; k < kMost; ++k) {
+    if (unused.contains(position)) return true;
+    position.x = std::nextafter(position.x, end);
+  }
+  return false;
+}
+
 }  // namespace
 
 bool loses_area(const GroupMesh& group, GroupComponents& components, double area_before,
@@ -92,29 +104,36 @@ bool loses_area(const GroupMesh& group, GroupComponents& components, double area
 }
 
 void keep_area(const GroupMesh& group, GroupComponents& components, double area_before,
-               Simplified& result) {
+               const UnusedPositions* unused, Simplified& result) {
   const std::vector<Triangle>& left = result.mesh.triangles;
-  const std::vector<double> growth = growths(group, components, area_before, left);
+  std::vector<double> growth = growths(group, components, area_before, left);
   if (growth.empty()) return;
   const std::vector<Vec3> centroids = centroids_of(group, components);
   const float unscale = 1.0f / group.source.scale, step = group.config.position_step;
-  std::vector<Triangle> enlarged;                   // of the group's vertices
   std::vector<Vec3> moved(group.position_count());  // unscaled
+  std::vector<uint8_t> has_moved(group.position_count(), 0);
   for (const Triangle& t : left) {
     const uint32_t component = components.of(t);
     if (!(growth[component] >= kLeastGrowth)) continue;
     const Vec3& centroid = centroids[component];
     for (uint32_t v : t) {
+      if (std::exchange(has_moved[group.position_of[v]], 1)) continue;
       Vec3& to = moved[group.position_of[v]];
       to = (centroid + (group.positions[v] - centroid) * static_cast<float>(growth[component])) *
            unscale;
       if (step > 0) snap_to_grid(std::span(&to, 1), step);
+      if (unused && !move_to_unused(*unused, to)) growth[component] = 1;
     }
+  }
+  std::vector<Triangle> enlarged;  // of the group's vertices
+  for (const Triangle& t : left) {
+    if (!(growth[components.of(t)] >= kLeastGrowth)) continue;
     enlarged.push_back(t);
     // Components may be as small as the steps between floats.
     const auto [a, b, c] = group.positions_of(t);
     if (moved[a] == moved[b] || moved[b] == moved[c] || moved[c] == moved[a]) return;
   }
+  if (unused) result.limiting_factor = LimitingFactor::kAreaLost;
   if (enlarged.empty()) return;
   result.error += move_vertices(group, enlarged, moved, result);
   result.method = SimplifyMethod::kSloppy;

@@ -4,15 +4,17 @@
 // of Aggregate Detail", 2007).
 #pragma once
 
+#include "lod/dag/unused_positions.hpp"
 #include "lod/simplify/candidate.hpp"
 #include "lod/simplify/group_components.hpp"
 #include "lod/simplify/group_mesh.hpp"
 
 namespace umbel::lod {
 
-/// `result` is what the group has become, `area_before` the group's area.
+/// `result` is what the group has become, `area_before` the group's area. With `unused`, components
+/// stay as they are that would need other positions than those.
 void keep_area(const GroupMesh& group, GroupComponents& components, double area_before,
-               Simplified& result);
+               const UnusedPositions* unused, Simplified& result);
 
 /// Whether that would enlarge something: for groups that may not have new positions.
 bool loses_area(const GroupMesh& group, GroupComponents& components, double area_before,

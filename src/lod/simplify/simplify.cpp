@@ -62,8 +62,9 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   if (best.renews_positions)
     renew_positions(group_, result);
   else if (config.keep_area && !by_caller && best.triangles.size() < group_.triangles.size()) {
-    if (allow.new_positions)
-      keep_area(group_, components_, collapse_.area(), result);
+    if (allow.new_positions || allow.unused)
+      keep_area(group_, components_, collapse_.area(), allow.new_positions ? nullptr : allow.unused,
+                result);
     else if (loses_area(group_, components_, collapse_.area(), result))
       result.limiting_factor = LimitingFactor::kAreaLost;
   }

@@ -1,6 +1,9 @@
 // What a build in units takes, by how many vertices triangles have.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <random>
+
 #include "io/source/mesh_source.hpp"
 #include "scale/build_asset.hpp"
 
@@ -48,6 +51,35 @@ TEST(MemoryPlan, SharesOfVerticesAreFound) {
   EXPECT_EQ(share_of(leaves(1000)).distinct, 2);
   EXPECT_EQ(share_of(leaves(1000), 1000).distinct, 0.5);
   EXPECT_EQ(share_of(Mesh{}).given, VertexShare{}.given);
+}
+
+// In random order, in which triangles side by side share nothing.
+Mesh shuffled(Mesh mesh) {
+  std::mt19937 random(5);
+  std::shuffle(mesh.triangles.begin(), mesh.triangles.end(), random);
+  return soup_of(mesh);
+}
+
+TEST(MemoryPlan, AShuffledSoupIsAsSmallAsItsSurface) {
+  const double surface = share_of(shuffled(shapes::sphere(8))).distinct;
+  EXPECT_LT(surface, 1.0);
+  EXPECT_GT(surface, 0.45);
+  // What is connected to nothing stays so.
+  EXPECT_NEAR(share_of(shuffled(leaves(200'000))).distinct, 2, 0.8);
+  EXPECT_EQ(share_of(shapes::soup(600'000, 3)).distinct, 3);
+}
+
+TEST(MemoryPlan, OtherOrdersThanRandomOnesDoNotMislead) {
+  // The same twice, one half behind the other; and where all triangles have one vertex in common.
+  Mesh twice = soup_of(shapes::soup(300'000, 3));
+  const Mesh half = twice;
+  twice.positions.insert(twice.positions.end(), half.positions.begin(), half.positions.end());
+  for (const Triangle& t : half.triangles)
+    twice.triangles.push_back({t[0] + 900'000, t[1] + 900'000, t[2] + 900'000});
+  EXPECT_GT(share_of(twice).distinct, 1.5);
+  Mesh fan = soup_of(shapes::soup(600'000, 3));
+  for (size_t v = 0; v < fan.positions.size(); v += 3) fan.positions[v] = {0, 0, 0};
+  EXPECT_GT(share_of(fan).distinct, 1.9);
 }
 
 // Measured with units of four million triangles, in processes of their own.

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/math.hpp"
 #include "scale/tiers.hpp"
 #include "scale/units.hpp"
 #include "umbel/lod.hpp"
@@ -60,11 +61,31 @@ Mesh identical(uint32_t triangles) {
   return mesh;
 }
 
+// Leaves of two triangles on a lattice, many of them twice: enlarged ones meet whatever they can.
+Mesh leaves(uint32_t side) {
+  Mesh mesh;
+  for (uint32_t i = 0; i < 2 * side * side; ++i) {
+    const uint32_t k = i % 3 == 0 ? i / 2 : i % (side * side);
+    const auto x = static_cast<float>(k % side), y = static_cast<float>(k / side);
+    const auto first = static_cast<uint32_t>(mesh.positions.size());
+    for (const auto& [u, v] : {std::pair{0.0f, 0.0f}, {0.5f, 0.0f}, {0.0f, 0.5f}, {0.5f, 0.5f}})
+      mesh.positions.push_back({x + u, y + v, static_cast<float>(i % 5) * 0.25f});
+    mesh.triangles.push_back({first, first + 1, first + 2});
+    mesh.triangles.push_back({first + 2, first + 1, first + 3});
+  }
+  return mesh;
+}
+
 std::vector<std::pair<std::string, Mesh>> meshes() {
-  return {{"terrain", shapes::terrain(60, 60, 1)},  {"blob", shapes::blob(4, 2)},
-          {"moebius", shapes::moebius(400, 8)},     {"fan", shapes::fan(5000)},
-          {"soup", shapes::soup(4000, 3)},          {"identical", identical(4000)},
-          {"tetrahedra", shapes::tetrahedra(1000)}, {"rich", rich(shapes::terrain(50, 50, 5))}};
+  return {{"terrain", shapes::terrain(60, 60, 1)},
+          {"blob", shapes::blob(4, 2)},
+          {"moebius", shapes::moebius(400, 8)},
+          {"fan", shapes::fan(5000)},
+          {"soup", shapes::soup(4000, 3)},
+          {"identical", identical(4000)},
+          {"tetrahedra", shapes::tetrahedra(1000)},
+          {"rich", rich(shapes::terrain(50, 50, 5))},
+          {"leaves", leaves(30)}};
 }
 
 TEST(Tiers, EveryMeshIsSoundAndTheSameInAnyOrder) {
@@ -77,6 +98,29 @@ TEST(Tiers, EveryMeshIsSoundAndTheSameInAnyOrder) {
       expect_sound(mesh, built.dag);
       EXPECT_TRUE(same(built.dag, build(mesh, 1000, true, {}, rounds).dag));
     }
+}
+
+double area(const lod::Dag& dag, uint64_t triangles) {
+  const auto reader = [&](uint32_t c) { return dag.geometry(c); };
+  const float error = lod::error_for_triangles(dag.tables, triangles);
+  const Mesh mesh =
+      lod::mesh_of_cut(dag.tables, reader, lod::select(dag.tables, lod::view_error(error)));
+  double sum = 0;
+  for (const auto& [a, b, c] : mesh.triangles)
+    sum += 0.5 * double{length(cross(mesh.positions[b] - mesh.positions[a],
+                                     mesh.positions[c] - mesh.positions[a]))};
+  return sum;
+}
+
+TEST(Tiers, LeavesKeepTheirArea) {
+  const Mesh mesh = shapes::tetrahedra(4000);
+  const double before = area(build(mesh, 1u << 20).dag, mesh.triangles.size());
+  const double in_memory = area(build(mesh, 1u << 20).dag, 1000) / before;
+  lod::Config without;
+  without.keep_area = false;
+  const double kept = area(build(mesh, 1000).dag, 1000) / before;
+  EXPECT_GT(kept, 0.8 * in_memory);
+  EXPECT_GT(kept, 1.5 * area(build(mesh, 1000, false, without).dag, 1000) / before);
 }
 
 TEST(Tiers, SmallUnitsMoveTheirBordersAfterEveryLevel) {

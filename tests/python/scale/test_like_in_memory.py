@@ -14,6 +14,7 @@ import pytest
 
 import umbel
 from helpers.commands import DATA
+from umbel.geometry.arrays import extras_of
 from umbel.io import Instance, Scene
 from umbel.scale.build_asset import build_asset
 
@@ -131,16 +132,84 @@ def test_scenes_of_several_meshes(tmp_path: Path) -> None:
     assert any("4 nodes become one" in one for one in said)
 
 
-def test_leaves_that_get_sparser_are_warned_of(tmp_path: Path) -> None:
+def attribute_sets(mesh: umbel.Mesh) -> dict[str, Any]:
+    """What the corners of all triangles have, whatever their order."""
+    _, extras = extras_of(mesh)
+    columns = [mesh.positions, mesh.uvs, mesh.colors]
+    columns += [None if extras is None else extras.reshape(len(mesh.positions), -1)]
+    rows = np.concatenate([c for c in columns if c is not None], axis=1)[mesh.triangles.reshape(-1)]
+    return {
+        "corners": rows[np.lexsort(rows.T)].tobytes(),
+        "uv_sets": len(mesh.uv_sets),
+        "influences": 0 if mesh.joints is None else mesh.joints.shape[1],
+    }
+
+
+def compare_sets(source: Path, tmp_path: Path) -> tuple[umbel.Asset, list[str]]:
+    """`compare`, and every set of attributes of the finest level, and the nodes."""
+    _, said = compare(source, tmp_path)
+    whole, units = umbel.Asset(tmp_path / "a.umbel"), umbel.Asset(tmp_path / "b.umbel")
+    finest = [attribute_sets(asset.mesh(asset.cut(level=0))) for asset in (whole, units)]
+    assert finest[0] == finest[1]
+    top = units.mesh(units.cut(triangles=units.info["source_triangles"] // 8))
+    assert attribute_sets(top)["influences"] == finest[0]["influences"]
+    assert units.scene == whole.scene
+    return units, said
+
+
+@pytest.mark.skipif(not (DATA / "CesiumMan.glb").is_file(), reason="needs the meshes")
+@pytest.mark.parametrize("name", ["CesiumMan.glb", "Fox.glb"])
+def test_skinned_meshes(name: str, tmp_path: Path) -> None:
+    units, _ = compare_sets(DATA / name, tmp_path)
+    mesh = units.mesh(units.cut(level=0))
+    assert mesh.joints is not None
+    assert mesh.joints.max() > 8
+    assert units.scene["skins"][0]["joints"]
+
+
+def test_further_uvs_and_colors(tmp_path: Path) -> None:
+    mesh = colorful()
+    mesh.colors = np.clip(np.abs(mesh.positions[:, [0, 1, 2, 0]]), 0, 1).astype(np.float32)
+    mesh.uv_sets = [mesh.positions[:, 1:] * 4, mesh.positions[:, ::2].copy()]
+    umbel.save(tmp_path / "sets.glb", mesh)
+    units, said = compare_sets(tmp_path / "sets.glb", tmp_path)
+    assert len(units.mesh(units.cut(level=0)).uv_sets) == 2
+    assert not said
+
+
+def test_a_mesh_in_memory_keeps_joints(tmp_path: Path) -> None:
+    mesh = colorful()
+    n = len(mesh.positions)
+    mesh.joints = np.arange(8 * n, dtype=np.uint32).reshape(n, 8) % 50
+    mesh.weights = np.full((n, 8), 0.125, np.float32)
+    lod = umbel.build_lod(mesh, unit_triangles=UNIT)
+    finest = attribute_sets(lod.mesh(lod.cut(level=0)))
+    assert finest == attribute_sets(mesh)
+
+
+def area(mesh: umbel.Mesh) -> float:
+    a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def test_leaves_keep_their_area(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
-    at = rng.uniform(0, 100, (3000, 1, 3))
-    corners = at + rng.uniform(-0.5, 0.5, (3000, 3, 3))
+    at = rng.uniform(0, 100, (6000, 1, 3))
+    corners = at + rng.uniform(-0.5, 0.5, (6000, 3, 3))
     mesh = umbel.Mesh(
-        corners.reshape(-1, 3).astype(np.float32), np.arange(9000, dtype=np.uint32).reshape(-1, 3)
+        corners.reshape(-1, 3).astype(np.float32), np.arange(18000, dtype=np.uint32).reshape(-1, 3)
     )
     umbel.save(tmp_path / "leaves.ply", mesh)
     _, said = compare(tmp_path / "leaves.ply", tmp_path)
-    assert any("get sparser" in one for one in said)
+    assert not said
+    build_asset(tmp_path / "leaves.ply", tmp_path / "c.umbel", unit_triangles=UNIT, keep_area=False)
+    kept = {}
+    for name in "abc":
+        asset = umbel.Asset(tmp_path / f"{name}.umbel")
+        kept[name] = area(asset.mesh(asset.cut(triangles=400))) / area(mesh)
+    # In memory, in units, and in units without it.
+    assert kept["b"] > 0.75 * kept["a"]
+    assert kept["b"] > 2 * kept["c"]
 
 
 def test_memory_for_leaves_and_soup(tmp_path: Path) -> None:

@@ -16,8 +16,9 @@ from umbel.geometry.mesh import Material, Mesh
 from umbel.io import load_scene
 from umbel.io.blocks import gltf, obj, ply, stl
 from umbel.io.blocks.layout import Layout
-from umbel.io.blocks.spool import refuse_further, spool, spool_mesh
+from umbel.io.blocks.spool import spool, spool_mesh
 from umbel.io.coordinates import sidecar
+from umbel.io.gltf.tree import is_trivial
 
 __all__ = ["Source", "open_source"]
 
@@ -38,11 +39,11 @@ class Source:
     coordinates: dict[str, str] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)  #: that are read; none for an iterator
     vertices: int | None = None  #: of all files, where they are known without reading those
+    #: what `Asset.scene` shall be of a single mesh that was read as a whole
+    tree: dict[str, Any] = field(default_factory=dict)
 
 
-def open_source(
-    source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[str], attributes: bool = True
-) -> Source:
+def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[str]) -> Source:
     """One file, several, a mesh, or an iterable of blocks (meshes; anything with `positions` and
     `triangles`, and perhaps `normals`, `tangents`, `uvs`, `colors` and `materials`, a number a
     triangle; or pairs of the first two), as one mesh: parts that have vertices at equal positions
@@ -51,23 +52,31 @@ def open_source(
     Binary PLY and STL and uncompressed glTF are read where they are. All else is written once to
     tables in the folder `work`, which must stay: OBJ and iterables in little memory; text of the
     other formats, packed, compressed and skinned files as a whole, so those must fit into memory;
-    large meshes whose triangles jump about among their vertices. Joints and further sets of texture
-    coordinates are refused, unless `attributes` are not wanted.
+    large meshes whose triangles jump about among their vertices. Of several files with joints,
+    whose numbers mean other nodes in each, only one is taken.
     """
     layout = Layout(Path(work))
+    whole: Mesh | None = None
     coordinates: dict[str, str] = {}
     if isinstance(source, (str, os.PathLike)):
         files: list[Path] | None = [Path(source)]
     elif isinstance(source, Sequence) and all(isinstance(p, (str, os.PathLike)) for p in source):
         files = [Path(path) for path in source]
     elif isinstance(source, Mesh):
-        files, coordinates = None, source.coordinates
-        _add_mesh(layout, source, source.source or source.name or "the mesh", attributes)
+        files, coordinates, whole = None, source.coordinates, source
+        spool_mesh(layout, source, source.source or source.name or "the mesh")
     else:
         files = None
-        spool(layout, source, "the blocks", attributes)
+        spool(layout, source, "the blocks")
+    skinned: list[Path] = []
     for file in files or []:
-        said = _add(layout, file, attributes)
+        said, mesh = _add(layout, file)
+        whole = mesh if len(files or []) == 1 else None
+        skinned += [file] if mesh is not None and mesh.joints is not None else []
+        if len(skinned) > 1:
+            raise Error(
+                f"{skinned[1]} has joints, and so has {skinned[0]}: each can be built by itself"
+            )
         if said and coordinates and said != coordinates:
             warnings.warn(
                 f"{file}: its coordinates are {_told(said)}, not {_told(coordinates)} as before; "
@@ -81,15 +90,17 @@ def open_source(
     native = layout.finished()
     native.put_in_order(layout.work / "sorted_", _LEAST_BYTES, _BLOCK)
     triangles = _umbel.TableSource(native)
-    return Source(triangles, layout.materials, coordinates, files or [], layout.vertices)
+    tree = {} if whole is None or is_trivial(whole.tree) else whole.tree
+    return Source(triangles, layout.materials, coordinates, files or [], layout.vertices, tree)
 
 
 def _told(coordinates: dict[str, str]) -> str:
     return ", ".join(f"{key} {value[:40]}" for key, value in coordinates.items())
 
 
-def _add(layout: Layout, file: Path, attributes: bool) -> dict[str, str]:
-    """Adds a file; gives what it says of its coordinates."""
+def _add(layout: Layout, file: Path) -> tuple[dict[str, str], Mesh | None]:
+    """Adds a file; gives what it says of its coordinates, and its mesh where it was read as a
+    whole."""
     kinds = {
         ".ply": ply.lay_out,
         ".stl": stl.lay_out,
@@ -99,15 +110,9 @@ def _add(layout: Layout, file: Path, attributes: bool) -> dict[str, str]:
     }
     lay_out = kinds.get(file.suffix.lower())
     if lay_out is not None and lay_out(layout, file):
-        return {**(gltf.COORDINATES if lay_out is gltf.lay_out else {}), **sidecar(file)}
+        return {**(gltf.COORDINATES if lay_out is gltf.lay_out else {}), **sidecar(file)}, None
     scene = load_scene(file)
     gltf.warn_of_nodes(scene, file)
     mesh = scene.flatten()
-    _add_mesh(layout, mesh, str(file), attributes)
-    return mesh.coordinates
-
-
-def _add_mesh(layout: Layout, mesh: Mesh, name: str, attributes: bool) -> None:
-    if attributes:
-        refuse_further(mesh, name)
-    spool_mesh(layout, mesh, name)
+    spool_mesh(layout, mesh, str(file))
+    return mesh.coordinates, mesh

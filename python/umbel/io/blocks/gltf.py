@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from umbel.errors import Error, LoadWarning, warn_lost
-from umbel.io.blocks.layout import Column, Layout
+from umbel.io.blocks.layout import Column, Extra, Layout
 from umbel.io.coordinates import GLTF as COORDINATES
 from umbel.io.files import GZIP, read_head
 from umbel.io.folder import Folder
@@ -17,7 +17,7 @@ from umbel.io.gltf.buffers import Buffers, Json, glb_ranges, parse_json
 from umbel.io.gltf.images import texture_reader
 from umbel.io.gltf.materials import read_material
 from umbel.io.gltf.nodes import Nodes
-from umbel.io.gltf.reader import check_header
+from umbel.io.gltf.reader import MOST_UVS, check_header
 from umbel.io.gltf.schema import check_schema
 from umbel.io.scene import NO_MATERIAL, Instance, Scene
 
@@ -33,6 +33,8 @@ _STREAMS = {
 _TYPES = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _TRIANGLES = 4
+#: How the library numbers further texture coordinates.
+_UVS = 4
 
 
 class _Whole(Exception):
@@ -104,7 +106,9 @@ class _Plan:
 
     def _add(self, node: int, primitive: Json) -> frozenset[str]:
         attributes = primitive.get("attributes") or {}
-        other = [a for a in attributes if a not in _STREAMS and not a.startswith("_")]
+        further = _further(attributes)
+        known_names = {*_STREAMS, *further}
+        other = [a for a in attributes if a not in known_names and not a.startswith("_")]
         if (
             primitive.get("mode", _TRIANGLES) != _TRIANGLES
             or primitive.get("extensions")
@@ -113,9 +117,9 @@ class _Plan:
         ):
             raise _Whole
         for semantic, accessor in attributes.items():
-            if semantic in _STREAMS:
+            if semantic in known_names:
                 self._place(accessor, semantic)
-        known = {k: v for k, v in attributes.items() if k in _STREAMS}
+        known = {k: v for k, v in attributes.items() if k in known_names}
         counts = {self._accessor(accessor)["count"] for accessor in known.values()}
         indices = primitive.get("indices")
         if indices is not None:
@@ -138,7 +142,7 @@ class _Plan:
         accessor = self._accessor(index)
         kind, width = _TYPES.get(accessor["componentType"]), _WIDTHS.get(accessor["type"])
         unit = bool(accessor.get("normalized", False))
-        wanted = _STREAMS[semantic][1] if semantic else "SCALAR"
+        wanted = _STREAMS.get(semantic, ("", "VEC2"))[1] if semantic else "SCALAR"
         if (
             kind is None
             or width is None
@@ -221,7 +225,14 @@ class _Plan:
             return tables[accessor, semantic]
 
         for node, attributes, indices, material in self.parts:
-            columns = {_STREAMS[s][0]: column(accessor, s) for s, accessor in attributes.items()}
+            columns: dict[str, Column] = {}
+            extras: list[Extra] = []
+            for semantic, accessor in attributes.items():
+                found = column(accessor, semantic)
+                if semantic in _STREAMS:
+                    columns[_STREAMS[semantic][0]] = found
+                else:
+                    extras.append((_UVS, int(semantic.rpartition("_")[2]), found))
             triangles = 0
             if indices is not None:
                 columns["indices"] = column(indices, "")
@@ -230,5 +241,18 @@ class _Plan:
             if number is not None and number != NO_MATERIAL:
                 number = numbers[number]
             layout.add_part(
-                str(self.path), columns, triangles, number, transform=self.nodes.world(node)
+                str(self.path),
+                columns,
+                triangles,
+                number,
+                transform=self.nodes.world(node),
+                extras=extras,
             )
+
+
+def _further(attributes: Json) -> list[str]:
+    """The sets of texture coordinates behind the first."""
+    found: list[str] = []
+    while "TEXCOORD_0" in attributes and f"TEXCOORD_{len(found) + 1}" in attributes:
+        found.append(f"TEXCOORD_{len(found) + 1}")
+    return found if len(found) <= MOST_UVS else []

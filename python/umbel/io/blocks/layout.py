@@ -18,6 +18,10 @@ from umbel.io.scene import NO_MATERIAL
 Column = tuple[int, str, list[int], bool]
 
 
+#: Kind and set, as the library numbers them, and where the values are.
+Extra = tuple[int, int, Column]
+
+
 @dataclass
 class _Part:
     name: str
@@ -27,6 +31,7 @@ class _Part:
     color_divisor: float
     transform: list[float] | None
     may_miss: bool  # the column of materials has rows without one
+    extras: list[Extra]
 
 
 @dataclass
@@ -64,9 +69,11 @@ class Layout:
         transform: np.ndarray[Any, Any] | None = None,
         may_miss: bool = False,
         vertices: int | None = None,
+        extras: list[Extra] | None = None,
     ) -> None:
         """A mesh with vertices of its own. `material`: of all triangles, or what is added to the
-        numbers in a column; None: it has none. `vertices`: how many, where no table says it."""
+        numbers in a column; None: it has none. `vertices`: how many, where no table says it.
+        `extras`: further texture coordinates, joints and weights."""
         table, _, offsets, _ = columns["positions"]
         if table in self._rows:
             vertices = self._rows[table] * (len(offsets) // 3)
@@ -75,7 +82,9 @@ class Layout:
         if transform is not None and np.array_equal(transform, np.eye(4)):
             transform = None
         rows = None if transform is None else transform[:3].reshape(-1).tolist()
-        self.parts.append(_Part(name, columns, triangles, material, color_divisor, rows, may_miss))
+        self.parts.append(
+            _Part(name, columns, triangles, material, color_divisor, rows, may_miss, extras or [])
+        )
 
     def new_file(self, suffix: str) -> Path:
         """The name of a file in the work folder that no other of this source has."""
@@ -100,5 +109,6 @@ class Layout:
                 default,
                 part.color_divisor,
                 part.transform,
+                part.extras,
             )
         return self.native

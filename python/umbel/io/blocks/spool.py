@@ -9,21 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error
+from umbel.geometry.arrays import check_joints
 from umbel.geometry.mesh import Material, Mesh, to_uint32
-from umbel.io.blocks.layout import Column, Layout
+from umbel.io.blocks.layout import Column, Extra, Layout
 from umbel.io.blocks.shared_materials import SharedMaterials
 from umbel.io.files import replacing
 
 _WIDTHS = {"positions": 3, "normals": 3, "tangents": 4, "uvs": 2, "colors": 4}
+#: What a mesh has several sets of: kind, as the library numbers it, and values a set.
+_SETS = {"uvs": (4, 2), "joints": (16, 4), "weights": (32, 4)}
 #: A table's rows are numbered by 32 bits.
 _MOST_VERTICES = 2**32 - 2
 _BLOCK = 1 << 20
 
 
-def spool(layout: Layout, blocks: Iterable[Any], name: str, attributes: bool = True) -> None:
+def spool(layout: Layout, blocks: Iterable[Any], name: str) -> None:
     """Adds what an iterable gives, block by block. Blocks have the same streams."""
     streams: list[str] | None = None
-    rows = _checked(blocks, name, layout.shared, attributes)
+    rows = _checked(blocks, name, layout.shared)
     first = next(rows, None)
     while first is not None:
         streams = streams or list(first[0])
@@ -40,7 +43,7 @@ def spool_mesh(layout: Layout, mesh: Mesh, name: str) -> None:
         for key in _WIDTHS
         if key != "positions" and getattr(mesh, key) is not None
     }
-    arrays = {"positions": mesh.world_positions, **vertices}
+    arrays = {"positions": mesh.world_positions, **vertices, **_sets(mesh)}
     _spool_part(
         layout, (arrays, mesh.triangles, mesh.material_ids), iter(()), name, list(arrays), offset
     )
@@ -49,19 +52,23 @@ def spool_mesh(layout: Layout, mesh: Mesh, name: str) -> None:
 Rows = tuple[dict[str, NDArray[Any]], NDArray[np.uint32], NDArray[np.uint32] | None]
 
 
-def refuse_further(mesh: Mesh, name: str) -> None:
-    """Raises where a mesh has attributes that tables of vertices do not."""
-    found = "joints" if mesh.joints is not None else "further sets of texture coordinates"
-    if mesh.joints is not None or mesh.uv_sets:
-        raise Error(
-            f"{name} has {found}, which only a build in memory keeps; in units it can be built "
-            "without attributes"
-        )
+def _sets(mesh: Mesh) -> dict[str, NDArray[Any]]:
+    """Further texture coordinates, joints and weights, by names such as "uvs 1"."""
+    found: dict[str, NDArray[Any]] = {f"uvs {k + 1}": uvs for k, uvs in enumerate(mesh.uv_sets)}
+    if mesh.joints is None or mesh.weights is None:
+        return found
+    check_joints(mesh.joints)
+    for key, values in (("joints", mesh.joints), ("weights", mesh.weights)):
+        sets = np.split(values, values.shape[1] // 4, axis=1)
+        found |= {f"{key} {k}": one for k, one in enumerate(sets)}
+    return found
 
 
-def _checked(
-    blocks: Iterable[Any], name: str, shared: SharedMaterials, attributes: bool
-) -> Iterator[Rows]:
+def _width(stream: str) -> int:
+    return _WIDTHS[stream] if stream in _WIDTHS else _SETS[stream.split()[0]][1]
+
+
+def _checked(blocks: Iterable[Any], name: str, shared: SharedMaterials) -> Iterator[Rows]:
     """The arrays of each block that has triangles. Materials of meshes are added to those known."""
     known: list[Material] | None = None
     number = 0
@@ -70,9 +77,7 @@ def _checked(
         place = f"{name}: block {k}"
         mesh: dict[str, Any]
         if isinstance(block, Mesh):
-            if attributes:
-                refuse_further(block, place)
-            mesh = {key: getattr(block, key) for key in _WIDTHS}
+            mesh = {key: getattr(block, key) for key in _WIDTHS} | _sets(block)
             mesh |= {"positions": block.world_positions, "triangles": block.triangles}
             if block.material_ids is not None:
                 if block.materials != known:
@@ -86,8 +91,8 @@ def _checked(
             raise Error(f"{place} has no positions or no triangles")
         triangles = to_uint32(_rows(mesh["triangles"], 3, f"{place}: triangles"))
         arrays = {
-            key: _rows(mesh[key], width, f"{place}: {key}")
-            for key, width in _WIDTHS.items()
+            key: _rows(mesh[key], _width(key), f"{place}: {key}")
+            for key in (*_WIDTHS, *(key for key in mesh if " " in key))
             if mesh.get(key) is not None
         }
         count = len(arrays["positions"])
@@ -131,7 +136,7 @@ def _spool_part(
     the first of the next part."""
     has_materials = first[2] is not None
     types = {key: "<f8" if key == "positions" else "<f4" for key in streams}
-    vertex = np.dtype([(key, types[key], (_WIDTHS[key],)) for key in streams])
+    vertex = np.dtype([(key, types[key], (_width(key),)) for key in streams])
     face = np.dtype([("v", "<u4", (3,))] + ([("material", "<u4")] if has_materials else []))
     paths = layout.new_file(".vertices"), layout.new_file(".triangles")
     counts = [0, 0]
@@ -158,20 +163,22 @@ def _spool_part(
             counts[1] += len(triangles)
             rest = next(more, None)
     columns: dict[str, Column] = {}
+    extras: list[Extra] = []
     table = layout.add_table(layout.add_file(paths[0]), 0, vertex.itemsize, counts[0])
     for key in streams:
         base = vertex.fields[key][1] if vertex.fields else 0
         size = np.dtype(types[key]).itemsize
-        columns[key] = (
-            table,
-            types[key][1:],
-            [base + size * k for k in range(_WIDTHS[key])],
-            False,
-        )
+        places = [base + size * k for k in range(_width(key))]
+        column: Column = (table, types[key][1:], places, False)
+        if key in _WIDTHS:
+            columns[key] = column
+        else:
+            kind, number = key.split()
+            extras.append((_SETS[kind][0], int(number), column))
     table = layout.add_table(layout.add_file(paths[1]), 0, face.itemsize, counts[1])
     columns["indices"] = (table, "u4", [0, 4, 8], False)
     if has_materials:
         columns["materials"] = (table, "u4", [12], False)
         offset = offset or 0
-    layout.add_part(name, columns, counts[1], offset if has_materials else None)
+    layout.add_part(name, columns, counts[1], offset if has_materials else None, extras=extras)
     return rest

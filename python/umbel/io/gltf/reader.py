@@ -56,7 +56,7 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4}
 _NUMBERED_WIDTHS = {"TEXCOORD": 2, "JOINTS": 4, "WEIGHTS": 4}
 _SHOWN = 5  # names in a warning
-_MOST_UVS, _MOST_SKIN_SETS = 7, 3
+MOST_UVS, _MOST_SKIN_SETS = 7, 3
 
 
 def read_gltf(data: bytes, where: str, folder: Folder | None = None) -> Scene:
@@ -307,7 +307,7 @@ def _numbered(
 
 
 def _further_uvs(arrays: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
-    return _numbered(arrays, "TEXCOORD", 1, _MOST_UVS) if "TEXCOORD_0" in arrays else []
+    return _numbered(arrays, "TEXCOORD", 1, MOST_UVS) if "TEXCOORD_0" in arrays else []
 
 
 def _skin(

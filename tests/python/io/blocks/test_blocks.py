@@ -13,6 +13,7 @@ import pytest
 import umbel
 from helpers.commands import DATA
 from umbel.errors import LoadWarning
+from umbel.geometry.arrays import extras_of
 from umbel.io.blocks import Source, open_source
 from umbel.testing import giant
 
@@ -29,6 +30,12 @@ def read_all(source: Source, size: int = 5000) -> dict[str, np.ndarray[Any, Any]
     for key in ("positions", *STREAMS):
         rows = [b[key][b["triangles"]] for b in blocks if b[key] is not None]
         out[key] = np.concatenate(rows) if rows else None
+    extras = [
+        b["extra_values"].reshape(len(b["positions"]), -1)[b["triangles"]]
+        for b in blocks
+        if "extras" in b
+    ]
+    out["extra_values"] = np.concatenate(extras) if extras else None
     ids = [b["materials"] for b in blocks if b["materials"] is not None]
     out["materials"] = np.concatenate(ids) if ids else None
     return out
@@ -50,6 +57,12 @@ def check_same(source: Source, mesh: umbel.Mesh, rounding: float = 0.0) -> None:
             np.testing.assert_allclose(
                 read[key], values[mesh.triangles], rtol=rounding, atol=rounding / 1e3
             )
+    _, extras = extras_of(mesh)
+    if extras is None:
+        assert read["extra_values"] is None
+    else:
+        expected = extras.reshape(len(mesh.positions), -1)[mesh.triangles]
+        assert np.array_equal(read["extra_values"], expected)
     if mesh.material_ids is None:
         assert read["materials"] is None
     else:
@@ -72,10 +85,6 @@ def test_real_meshes_have_the_same_triangles(path: Path, tmp_path: Path) -> None
         except umbel.Error:
             with pytest.raises(umbel.Error, match=path.stem):
                 read_all(open_source(path, tmp_path))
-            return
-        if mesh.joints is not None or mesh.uv_sets:
-            with pytest.raises(umbel.Error, match="only a build in memory keeps"):
-                open_source(path, tmp_path)
             return
         source = open_source(path, tmp_path)
     check_same(source, mesh, rounding=1e-6 if path.suffix == ".glb" else 0.0)

@@ -50,14 +50,41 @@ def test_meshes_keep_their_materials(tmp_path: Path) -> None:
     assert source.triangles.read(0, 6)["materials"].tolist() == [0, 1, 0, 1, 1, 1]
 
 
-def test_further_attributes_are_refused_or_left_out(tmp_path: Path) -> None:
-    mesh = square(0)
-    mesh.uv_sets = [np.zeros((4, 2), np.float32)]
-    for source in (mesh, [mesh]):
-        with pytest.raises(umbel.Error, match=r"further sets of texture coordinates.*in memory"):
-            open_source(source, tmp_path / "work")
-        opened = open_source(source, tmp_path / "other", attributes=False)
-        assert opened.triangles.triangles == 2
+def skinned(x: float) -> umbel.Mesh:
+    mesh = square(x)
+    mesh.uvs = np.zeros((4, 2), np.float32)
+    mesh.uv_sets = [np.arange(8, dtype=np.float32).reshape(4, 2)]
+    mesh.joints = np.tile(np.uint32([3, 1, 2, 70_000]), (4, 1))
+    mesh.weights = np.tile(np.float32([0.5, 0.25, 0, 0.25]), (4, 1))
+    return mesh
+
+
+def test_further_sets_of_blocks_are_kept(tmp_path: Path) -> None:
+    for source in (skinned(0), [skinned(0), skinned(1)]):
+        block = open_source(source, tmp_path / "work").triangles.read(0, 2)
+        assert block["extras"] == [(4, 1), (16, 0), (32, 0)]
+        values = block["extra_values"].reshape(4, 10)
+        # The last two corners come in the order of the triangles.
+        assert sorted(values[:, 0].tolist()) == [0, 2, 4, 6]
+        assert (values[:, 1] == values[:, 0] + 1).all()
+        # A joint that moves nothing is 0.
+        assert values[:, 2:].tolist() == [[3, 1, 0, 70_000, 0.5, 0.25, 0, 0.25]] * 4
+
+
+def test_joints_of_two_files_are_not_mixed(tmp_path: Path) -> None:
+    paths = [tmp_path / "a.glb", tmp_path / "b.glb"]
+    for path in paths:
+        umbel.save(path, skinned(0))
+    with pytest.raises(umbel.Error, match=r"b.glb has joints, and so has .*a.glb"):
+        open_source(paths, tmp_path / "work")
+
+
+def test_joints_that_no_float_holds_are_refused(tmp_path: Path) -> None:
+    mesh = skinned(0)
+    assert mesh.joints is not None
+    mesh.joints[0, 0] = (1 << 24) + 1
+    with pytest.raises(umbel.Error, match="has the joint 16777217"):
+        open_source(mesh, tmp_path / "work")
 
 
 def test_negative_index_is_shown_as_it_is(tmp_path: Path) -> None:
