@@ -9,7 +9,9 @@
 namespace umbel::scale {
 namespace {
 
-constexpr uint64_t kLeastWords = 1 << 10, kMostWords = 1 << 25;
+// Four to eight bits a triangle, as far as that is little; then one to two.
+constexpr uint64_t kLeastBits = 1 << 16, kFewBits = uint64_t{1} << 29,
+                   kMostBits = uint64_t{1} << 31;
 
 struct Words {
   std::vector<uint64_t> words;
@@ -21,7 +23,8 @@ void for_each_array(Words& words, Visit& visit) {
 }
 
 uint64_t words_for(uint64_t triangles) {
-  return std::clamp(std::bit_ceil(triangles / 64 + 1), kLeastWords, kMostWords);
+  const uint64_t most = std::clamp(std::bit_ceil(triangles), kFewBits, kMostBits);
+  return std::clamp(std::bit_ceil(4 * triangles), kLeastBits, most) / 64;
 }
 
 }  // namespace
@@ -61,7 +64,12 @@ TakenPositions TakenPositions::read(const std::filesystem::path& path) {
 }
 
 bool UnitPositions::contains(const Vec3& position) const {
-  if (partition_.home(position) != unit_) return false;
+  constexpr uint64_t kSeed = 0x9e3779b97f4a7c15;
+  const uint64_t hash = hash_value(position, kSeed);
+  const bool is_dealt = (hash & 1) != 0;
+  const bool is_own =
+      is_dealt ? (hash >> 1) % partition_.units() == unit_ : partition_.home(position) == unit_;
+  if (!is_own) return false;
   std::call_once(is_read_, [&] { taken_ = TakenPositions::read(path_); });
   return !taken_.may_contain(position);
 }

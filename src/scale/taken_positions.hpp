@@ -15,8 +15,8 @@
 
 namespace umbel::scale {
 
-/// A set of positions, an eighth to a quarter byte a triangle. It says of some others, too, that
-/// they are in it: who looks for a place then takes the next.
+/// A set of positions, of at most a byte a triangle, 64 MB or a quarter byte. It says of some
+/// others, too, that they are in it: who looks for a place then takes the next.
 class TakenPositions {
  public:
   TakenPositions() = default;
@@ -35,7 +35,8 @@ class TakenPositions {
   std::vector<uint64_t> words_;  // a power of two
 };
 
-/// What one unit may use of all that is not taken: where it is at home.
+/// What one unit may use of all that is not taken. Where it is at home: half of all positions, by
+/// their bits. The other half is dealt out among all units, wherever they are.
 class UnitPositions final : public lod::UnusedPositions {
  public:
   /// `taken`: the file of the tier, read once it is needed. The partition must live longer.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -85,14 +86,28 @@ std::vector<Vec3> centroids_of(const GroupMesh& group, const GroupComponents& co
   return centroids;
 }
 
-// To the first of some floats along x. Whether there is one.
+// To one of the nearest positions that may be used, in steps of the largest coordinate's
+// precision. Whether there is one.
 bool move_to_unused(const UnusedPositions& unused, Vec3& position) {
-  constexpr int kMost = 256;
-  const float end = std::numeric_limits<float>::max();
-  for (int k = 0; k < kMost; ++k) {
-    if (unused.contains(position)) return true;
-    position.x = std::nextafter(position.x, end);
-  }
+  constexpr int kFarthest = 12;
+  if (unused.contains(position)) return true;
+  const float largest =
+      std::max({std::fabs(position.x), std::fabs(position.y), std::fabs(position.z)});
+  if (!(largest < 0.5f * std::numeric_limits<float>::max())) return false;
+  const float step = largest - std::nextafter(largest, 0.0f);
+  for (int reach = 1; reach <= kFarthest; ++reach)
+    for (int i = -reach; i <= reach; ++i)
+      for (int j = -reach; j <= reach; ++j) {
+        // Of the inside of the cube only its faces are new.
+        const bool is_face = std::abs(i) == reach || std::abs(j) == reach;
+        for (int k = -reach; k <= reach; k += is_face ? 1 : 2 * reach) {
+          const Vec3 offset{static_cast<float>(i), static_cast<float>(j), static_cast<float>(k)};
+          const Vec3 near = position + offset * step;
+          if (!unused.contains(near)) continue;
+          position = near;
+          return true;
+        }
+      }
   return false;
 }
 

@@ -35,7 +35,7 @@ TEST(BuildPartition, PartsOfTheInputMayBeCountedApart) {
     for (uint64_t at = 0; at < source.triangles(); at += 1000)
       counts.merge(count_cells(source, {}, builder, at,
                                std::min<uint64_t>(at + 1000, source.triangles()),
-                               rounds == 0 ? &measure : nullptr));
+                               {.measure = rounds == 0 ? &measure : nullptr}));
     builder.advance(counts);
   }
   EXPECT_GT(rounds, 1u);

@@ -1,7 +1,10 @@
 // New positions are like no other.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
+#include <vector>
 
 #include "lod/build/new_positions.hpp"
 
@@ -20,7 +23,7 @@ TEST(NewPositions, are_apart_whatever_the_size_and_the_step) {
         added.position_ids.push_back(kNone);
         added.components.push_back(kNone);
       }
-      const float moved = NewPositions().set_apart(source, step, added);
+      const float moved = NewPositions().set_apart(source, step, nullptr, added).value();
       EXPECT_GT(moved, 0.0f) << x << " " << step;
       for (int i = 0; i < 4; ++i) {
         const float at = added.mesh.positions[i].x;
@@ -32,6 +35,46 @@ TEST(NewPositions, are_apart_whatever_the_size_and_the_step) {
         for (int j = 0; j < i; ++j) EXPECT_NE(at, added.mesh.positions[j].x) << x << " " << step;
       }
     }
+}
+
+// Every other millionth along x.
+class Stripes final : public UnusedPositions {
+ public:
+  bool contains(const Vec3& p) const override {
+    return static_cast<int>(std::floor(p.x * 1e6f)) % 2 != 0;
+  }
+};
+
+TEST(NewPositions, stay_where_others_have_none) {
+  const Stripes stripes;
+  Source source;
+  NewPositions positions;
+  std::vector<float> made;
+  for (int group = 0; group < 50; ++group) {
+    AddedVertices added;
+    added.mesh.positions.push_back({0.5f, 0, 0});
+    added.position_ids.push_back(kNone);
+    added.components.push_back(kNone);
+    ASSERT_TRUE(positions.set_apart(source, 0, &stripes, added)) << group;
+    EXPECT_TRUE(stripes.contains(added.mesh.positions[0]));
+    made.push_back(added.mesh.positions[0].x);
+  }
+  std::sort(made.begin(), made.end());
+  EXPECT_EQ(std::unique(made.begin(), made.end()), made.end());
+}
+
+class Nowhere final : public UnusedPositions {
+ public:
+  bool contains(const Vec3& /*position*/) const override { return false; }
+};
+
+TEST(NewPositions, are_refused_where_there_is_no_room) {
+  AddedVertices added;
+  added.mesh.positions.push_back({0.5f, 0, 0});
+  added.position_ids.push_back(kNone);
+  added.components.push_back(kNone);
+  const Nowhere nowhere;
+  EXPECT_FALSE(NewPositions().set_apart(Source{}, 0, &nowhere, added));
 }
 
 }  // namespace
