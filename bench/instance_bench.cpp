@@ -89,9 +89,8 @@ int main(int count, char** arguments) {
   float pixels = 1;
   for (int i = 2; i + 1 < count; i += 2) {
     if (std::strcmp(arguments[i], "--height") == 0)
-      height = static_cast<uint32_t>(std::atoi(arguments[i + 1]));
-    if (std::strcmp(arguments[i], "--error") == 0)
-      pixels = static_cast<float>(std::atof(arguments[i + 1]));
+      height = static_cast<uint32_t>(std::strtoul(arguments[i + 1], nullptr, 10));
+    if (std::strcmp(arguments[i], "--error") == 0) pixels = std::strtof(arguments[i + 1], nullptr);
   }
   const double begun = processor_seconds();
   const umbel::Asset asset(arguments[1]);

@@ -135,7 +135,7 @@ void store(const volatile void* a, uint64_t bytes) { counter().access(a, bytes, 
 }  // namespace
 }  // namespace bench
 
-// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming)
+// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming,bugprone-macro-parentheses)
 extern "C" {
 
 void __tsan_init() {}
@@ -201,4 +201,4 @@ ATOMICS(64, unsigned long)
 void __tsan_atomic_thread_fence(int) {}
 void __tsan_atomic_signal_fence(int) {}
 }
-// NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming)
+// NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming,bugprone-macro-parentheses)

@@ -323,6 +323,13 @@ class Tiers {
     triangles_ = left;
     plan_.tier[0].level = next_level;
     serial_ += partition_.units();
+    remove_routes();
+  }
+
+  // The largest files, and no unit needs them any more. Should one have to be built again, they are
+  // made again.
+  void remove_routes() const {
+    for (uint32_t s = 0; s < plan_.shards[0]; ++s) fs::remove(shard_file(work_, tier_, s));
   }
 
   Exits exits_of(uint32_t tier, uint32_t unit) const {

@@ -92,7 +92,8 @@ def scale_range(matrix: NDArray[Any]) -> tuple[float, float]:
 def scale_ranges(matrices: Sequence[NDArray[Any]]) -> NDArray[np.float64]:
     """(n, 2): the smallest and the largest factor by which each matrix scales lengths."""
     turns = np.array([matrix[:3, :3] for matrix in matrices], np.float64).reshape(-1, 3, 3)
-    return np.linalg.svd(turns, compute_uv=False)[:, [2, 0]]
+    factors: NDArray[Any] = np.linalg.svd(turns, compute_uv=False)
+    return factors[:, [2, 0]]
 
 
 def scene_cuts(asset: Asset, *, or_coarsest: bool = False, **how: Any) -> list[InstanceCut]:

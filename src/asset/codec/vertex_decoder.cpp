@@ -21,8 +21,8 @@ struct Source {
   Kind kind;
 };
 
-/// The sources of vertices whose twins tell nothing.
-struct OwnSources {
+/// Where the values of vertices come from.
+struct VertexSources {
   const Predictors* predictors;
   size_t first, stride;
 
@@ -31,13 +31,17 @@ struct OwnSources {
     return {first + p.a() * stride, first + p.b() * stride, first + p.across() * stride,
             starts_region(p) ? kStart : kUsual};
   }
+};
+
+/// Of vertices whose twins tell nothing.
+struct OwnSources : VertexSources {
   UMBEL_READ_INLINE bool is_copy(uint32_t, BitReader&) const { return false; }
   size_t twin_row(uint32_t) const { return 0; }
 };
 
-/// The same of vertices that have the values of their twins: with kFlags if a bit says so.
+/// Of vertices that have the values of their twins: with kFlags if a bit says so.
 template <bool kFlags>
-struct TwinSources : OwnSources {
+struct TwinSources : VertexSources {
   const uint32_t* twin;
 
   UMBEL_READ_INLINE bool is_copy(uint32_t v, BitReader& bits) const {
@@ -83,8 +87,9 @@ class ClusterReader {
     }
     const AttributeCode code = read_code(column);
     read_first(column, code);
-    const OwnSources sources{cluster_.predictors.data(), first_, stride_};
-    const TwinSources<false> copies{sources, known_.twin.data()};
+    const VertexSources from{cluster_.predictors.data(), first_, stride_};
+    const OwnSources sources{from};
+    const TwinSources<false> copies{from, known_.twin.data()};
     if (column.at == 0 && are_fast_positions(column)) {
       if (code.twins == TwinRule::kAll)
         read_positions(code, copies);
@@ -93,7 +98,7 @@ class ClusterReader {
       else
         read_positions(code, sources);
     } else if (code.twins == TwinRule::kFlags) {
-      read_others(column, code, TwinSources<true>{sources, known_.twin.data()});
+      read_others(column, code, TwinSources<true>{from, known_.twin.data()});
     } else if (code.twins == TwinRule::kAll) {
       read_others(column, code, copies);
     } else {

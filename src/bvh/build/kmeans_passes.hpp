@@ -206,6 +206,7 @@ class KmeansPasses {
         });
     auto scene = exec_.template allocate<Aabb>(1);
     exec_.reduce(
+        // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): i is less than n_
         n_, Aabb{}, [=] UMBEL_DEVICE_LAMBDA(size_t i) { return boxes[i]; },
         [] UMBEL_DEVICE_LAMBDA(Aabb a, const Aabb& b) {
           extend(a, b);

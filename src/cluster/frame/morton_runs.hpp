@@ -96,6 +96,7 @@ struct WriteClusters {
   template <typename Team>
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t cluster, Shared&) const {
     if (cluster >= *out.count) return;
+    // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): offsets has *out.count + 1 items
     const uint32_t begin = out.offsets[cluster], end = out.offsets[cluster + 1];
     const Aabb box = gather_box(team, mesh, indices + begin, end - begin, [&](uint32_t i) {
       const uint32_t triangle = indices[begin + i];

@@ -95,6 +95,18 @@ def test_stopped_build_goes_on(terrain: Path, expected: bytes, tmp_path: Path, a
     assert not (tmp_path / "a.umbel.work").exists()
 
 
+def test_what_is_sorted_goes_once_its_tier_is_built(
+    terrain: Path, expected: bytes, tmp_path: Path
+) -> None:
+    output, work = tmp_path / "a.umbel", tmp_path / "a.umbel.work"
+    stopped(terrain, output, stage="planning")
+    assert list(work.glob("t0/unit/*.parts")) and not list(work.glob("t0/route/*"))
+    # Where it is needed after all, it is made again.
+    next(work.glob("t0/unit/*.exits")).unlink()
+    build_asset(terrain, output, unit_triangles=UNIT, resume=True)
+    assert output.read_bytes() == expected
+
+
 def test_every_damaged_work_file_is_found(terrain: Path, expected: bytes, tmp_path: Path) -> None:
     output = tmp_path / "a.umbel"
     stopped(terrain, output)
