@@ -10,6 +10,7 @@ import { readFileSync } from "node:fs";
 import { resolve } from "node:path";
 import { preview } from "vite";
 import { launch } from "./chromium.mjs";
+import { heapMeter } from "./heap.mjs";
 
 const BUDGET = 512 * 2 ** 20;
 const PATIENCE = 2000;
@@ -29,6 +30,7 @@ const browser = await launch();
 const page = await browser.newPage({ viewport: { width: 960, height: 600 } });
 // Pictures by software take as long as they take.
 page.setDefaultTimeout(300_000);
+const measureHeap = await heapMeter(page);
 let requests = 0;
 page.on("request", (request) => {
   requests += /\.umbel$/.test(request.url()) ? 1 : 0;
@@ -42,6 +44,7 @@ const first = await page.evaluate(() => {
   const [{ startTime, detail }] = performance.getEntriesByName("umbel-first-picture");
   return { time: startTime, bytes: detail.fetchedBytes };
 });
+const firstRequests = requests;
 
 const steps = [];
 for (const [k, key] of keys.entries()) {
@@ -74,13 +77,11 @@ for (const [k, key] of keys.entries()) {
     },
     [key, PATIENCE],
   );
-  steps.push(step);
+  const heap = await measureHeap(false);
+  steps.push({ ...step, page: heap.page, workers: heap.workers });
   if (k % 20 === 0) await page.screenshot({ path: `${out}-${1 + k / 20}.jpg`, quality: 80 });
 }
-const heap = await page.evaluate(() => {
-  gc();
-  return performance.memory.usedJSHeapSize;
-});
+const heap = await measureHeap(true);
 const most = (name) => Math.max(...steps.map((step) => step[name]));
 const median = (name) => steps.map((step) => step[name]).sort((a, b) => a - b)[steps.length >> 1];
 process.stdout.write(
@@ -89,12 +90,17 @@ process.stdout.write(
     settled: steps.filter((step) => step.isSettled).length,
     first_picture_ms: Math.round(first.time),
     first_picture_bytes: first.bytes,
+    first_picture_requests: firstRequests,
     fetched_bytes: most("fetched"),
     requests,
     most_geometry_bytes: most("geometry"),
     most_texture_bytes: most("textures"),
-    heap_bytes: heap,
+    most_page_heap_bytes: most("page"),
+    most_worker_heap_bytes: most("workers"),
+    page_heap_bytes: heap.page,
+    worker_heap_bytes: heap.workers,
     largest_error_factor: most("scale"),
+    step_ms: Math.round(median("time")),
     select_ms: median("select"),
     update_ms: median("update"),
     most_triangles: most("triangles"),

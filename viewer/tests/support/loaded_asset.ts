@@ -38,7 +38,7 @@ export function viewOf(from: ExpectedView): View {
   return cameraView(from.eye, from.fov_y, from.height, from.pixel_error);
 }
 
-/** The groups that a view refines. */
+/** The groups that a view refines, by their slots. */
 export function targetOf({ dag }: LoadedAsset, view: View): Uint8Array {
   const target = new Uint8Array(dag.count);
   dag.traverse(0, view, (group) => {
@@ -48,13 +48,13 @@ export function targetOf({ dag }: LoadedAsset, view: View): Uint8Array {
   return target;
 }
 
-/** The clusters that are drawn when exactly these groups are refined. */
+/** The clusters that are drawn when exactly the groups in these slots are refined. */
 export function drawnClusters({ dag }: LoadedAsset, refined: Uint8Array): number[] {
   const drawn: number[] = [];
   for (let g = 0; g < dag.count; ++g) {
     if (!refined[g]) continue;
     const info = dag.info[g] as GroupInfo;
-    info.generating.forEach((generating, i) => {
+    dag.generating[g].forEach((generating, i) => {
       if (generating === NONE || !refined[generating]) drawn.push(info.firstCluster + i);
     });
   }

@@ -124,6 +124,10 @@ def main() -> None:
     big = umbel.shapes.blob(7, seed=5)
     umbel.build_lod(big, precision="16bits").save(folder / "planet.umbel")
     dump(folder / "planet.umbel")
+    # More than 4096 pages, so that their table is read in slices.
+    umbel.build_lod(umbel.shapes.blob(8, seed=5), max_triangles=8).save(
+        folder / "paged.umbel", page_bytes=4096
+    )
     shutil.rmtree(folder / "planet_tiles", ignore_errors=True)
     umbel.export_tiles(folder / "planet.umbel", folder / "planet_tiles", tile_triangles=8192)
     make_textured(folder)

@@ -35,6 +35,6 @@ export class Counters {
     graphs.memory.push(stream.residentBytes + textures.bytes);
     graphs.textures.push(textures.bytes);
     graphs.fetched.push(stream.fetchedBytes + textures.fetchedBytes);
-    this.strip.draw(mesh.pages);
+    this.strip.draw(mesh.pages, mesh.info.pages);
   }
 }

@@ -63,22 +63,32 @@ export class PageStrip {
     this.element.setAttribute("role", "img");
   }
 
-  draw(pages: Uint8Array): void {
+  /** @param pages the states of pages that are not absent, of `count` pages */
+  draw(pages: ReadonlyMap<number, number>, count: number): void {
     const context = this.element.getContext("2d") as CanvasRenderingContext2D;
     const style = getComputedStyle(this.element);
     const colors = STATES.map((name) => style.getPropertyValue(name));
     const { width, height } = this.element;
     context.clearRect(0, 0, width, height);
-    const rows = pages.length > 520 ? 4 : 2;
-    const columns = Math.max(Math.ceil(pages.length / rows), 1);
+    const rows = count > 520 ? 4 : 2;
+    const columns = Math.max(Math.ceil(count / rows), 1);
     const [w, hgt] = [width / columns, height / rows];
-    let resident = 0;
-    pages.forEach((state, i) => {
-      if (state === 2) ++resident;
+    const fill = (page: number, state: number) => {
       context.fillStyle = colors[state] as string;
-      const [x, y] = [(i % columns) * w, Math.floor(i / columns) * hgt];
+      const [x, y] = [(page % columns) * w, Math.floor(page / columns) * hgt];
       context.fillRect(x, y, Math.max(w - (w > 3 ? 1 : 0), 0.5), hgt - 2);
-    });
-    this.element.setAttribute("aria-label", `${resident} of ${pages.length} pages are in memory.`);
+    };
+    // Narrow cells touch each other: those of absent pages are one bar a row.
+    if (w > 3) for (let page = 0; page < count; ++page) fill(page, pages.get(page) ?? 0);
+    else {
+      context.fillStyle = colors[0] as string;
+      for (let row = 0; row < rows; ++row) {
+        const cells = Math.min(columns, count - row * columns);
+        context.fillRect(0, row * hgt, cells * w, hgt - 2);
+      }
+      for (const [page, state] of pages) fill(page, state);
+    }
+    const resident = [...pages.values()].filter((state) => state === 2).length;
+    this.element.setAttribute("aria-label", `${resident} of ${count} pages are in memory.`);
   }
 }

@@ -1,12 +1,13 @@
-import { expect, test } from "vitest";
+import { describe, expect, test } from "vitest";
 import { cameraView, type View } from "../../../packages/umbel/src/select/select.js";
 import { BlobSource, type ByteSource } from "../../../packages/umbel/src/source/source.js";
+import { ABSENT, RESIDENT } from "../../../packages/umbel/src/stream/page_cache.js";
 import type {
   StreamStatistics,
   StreamUpdate,
 } from "../../../packages/umbel/src/stream/stream_update.js";
 import { Streamer } from "../../../packages/umbel/src/stream/streamer.js";
-import { loadAsset, select } from "../../support/loaded_asset.js";
+import { type LoadedAsset, loadAsset, select } from "../../support/loaded_asset.js";
 
 const PLANET = loadAsset("planet");
 const { file: FILE, header: HEADER, dag: DAG } = PLANET;
@@ -15,7 +16,7 @@ const HUGE = 2 ** 30;
 
 class MemorySource implements ByteSource {
   fetched = 0;
-  requests = 0;
+  readonly reads: [number, number][] = [];
   private readonly source: BlobSource;
 
   constructor(private readonly bytes: Uint8Array) {
@@ -23,10 +24,14 @@ class MemorySource implements ByteSource {
   }
 
   async read(offset: number, length: number): Promise<Uint8Array> {
-    ++this.requests;
+    this.reads.push([offset, length]);
     const part = await this.source.read(offset, length);
     this.fetched += part.length;
     return part;
+  }
+
+  get requests(): number {
+    return this.reads.length;
   }
 
   get size(): number {
@@ -40,13 +45,17 @@ class MemorySource implements ByteSource {
 class Watched {
   readonly resident = new Set<number>();
   readonly updates: StreamUpdate[] = [];
+  /** The states of pages that are not absent. */
+  readonly pages = new Map<number, number>();
   cut: number[] = [];
   problems: string[] = [];
   private wake: (() => void) | undefined;
   streamer!: Streamer;
 
-  static async open(source: ByteSource, budget: number): Promise<Watched> {
-    const watched = new Watched();
+  private constructor(private readonly groupOf: Uint32Array) {}
+
+  static async open(source: ByteSource, budget: number, asset = PLANET): Promise<Watched> {
+    const watched = new Watched(groupsOf(asset));
     watched.streamer = await Streamer.open(source, { budget }, watched);
     return watched;
   }
@@ -56,6 +65,10 @@ class Watched {
     for (const { group } of update.added) this.resident.add(group);
     if (update.cuts) this.cut = this.expand(update.cuts[0]);
     if (update.statistics.residentBytes > update.statistics.budget) this.problems.push("budget");
+    for (let i = 0; i < update.pages.length; i += 2) {
+      if (update.pages[i + 1] === ABSENT) this.pages.delete(update.pages[i]);
+      else this.pages.set(update.pages[i], update.pages[i + 1]);
+    }
     this.updates.push({ ...update, added: [] });
     this.wake?.();
   }
@@ -77,7 +90,7 @@ class Watched {
   private expand(runs: Uint32Array): number[] {
     const cut: number[] = [];
     for (let i = 0; i < runs.length; i += 3) {
-      const group = GROUP_OF[runs[i]];
+      const group = this.groupOf[runs[i]];
       if (!this.resident.has(group)) this.problems.push(`group ${group} is drawn but not resident`);
       for (let c = runs[i]; c < runs[i] + runs[i + 1]; ++c) cut.push(c);
     }
@@ -86,9 +99,14 @@ class Watched {
 }
 
 /** The group of each cluster. */
-const GROUP_OF = new Uint32Array(HEADER.clusters);
-for (const info of DAG.info)
-  if (info) GROUP_OF.fill(info.group, info.firstCluster, info.firstCluster + info.clusterCount);
+function groupsOf({ header, dag }: LoadedAsset): Uint32Array {
+  const groups = new Uint32Array(header.clusters);
+  for (const info of dag.info)
+    if (info) groups.fill(info.group, info.firstCluster, info.firstCluster + info.clusterCount);
+  return groups;
+}
+
+const GROUP_OF = groupsOf(PLANET);
 
 function viewsOf(view: View): { mesh: number; view: View }[] {
   return [{ mesh: 0, view }];
@@ -161,7 +179,7 @@ test("counts a damaged page and stays coarse there", async () => {
   const view = cameraView(NEAR, 0.8, 900, 1);
   const cut = select(PLANET, view);
   const finest = cut[40];
-  const page = DAG.page[GROUP_OF[finest]];
+  const page = DAG.page[DAG.slotOf(GROUP_OF[finest]) as number];
   bad[HEADER.pages.offset[page] + 40] ^= 1;
   const watched = await Watched.open(new MemorySource(bad), HUGE);
   watched.streamer.setViews(viewsOf(view));
@@ -169,4 +187,86 @@ test("counts a damaged page and stays coarse there", async () => {
   expect(watched.problems).toEqual([]);
   expect(watched.last.triangles).toBeGreaterThan(5000);
   expect(watched.cut).not.toContain(finest);
+});
+
+describe("an asset with a long table of pages", () => {
+  const PAGED = loadAsset("paged");
+  const { headerBytes, openingBytes } = PAGED.header.fixed;
+  const view = cameraView([0.4, 0.2, 1.25], 0.5, 800, 1);
+  const expectedCut = select(PAGED, view);
+
+  test("is opened without that table, and its slices are read once each", async () => {
+    expect(openingBytes).toBeGreaterThan(0);
+    const source = new MemorySource(PAGED.file);
+    const watched = await Watched.open(source, HUGE, PAGED);
+    const opened = source.fetched;
+    expect(opened).toBe(96 << 10);
+    expect(opened).toBeLessThan(headerBytes);
+    watched.streamer.setViews(viewsOf(view));
+    await watched.until((s) => s.isSettled && s.missingPages === 0);
+    expect(watched.cut).toEqual(expectedCut);
+    expect(watched.problems).toEqual([]);
+    const slices = source.reads.filter(
+      ([begin]) => begin >= openingBytes && begin < headerBytes,
+    ).length;
+    expect(slices).toBeGreaterThan(1);
+    expect(slices).toBeLessThanOrEqual(Math.ceil(PAGED.header.pages.count / 4096));
+  });
+
+  test("stays coarse where a slice is damaged, and says how many pages are missing", async () => {
+    const bad = PAGED.file.slice();
+    const { offset, stride } = PAGED.header.pages.section;
+    bad[offset + stride * 5000] ^= 1;
+    const watched = await Watched.open(new MemorySource(bad), HUGE, PAGED);
+    watched.streamer.setViews(viewsOf(view));
+    await watched.until((s) => s.isSettled && s.missingPages === 0);
+    expect(watched.last.damagedPages).toBeGreaterThan(0);
+    expect(watched.problems).toEqual([]);
+    expect(watched.cut.length).toBeGreaterThan(100);
+    expect(watched.cut.length).toBeLessThan(expectedCut.length);
+  });
+
+  test("is refused where what precedes the table is damaged", async () => {
+    const bad = PAGED.file.slice();
+    bad[openingBytes - 100] ^= 1;
+    await expect(Watched.open(new MemorySource(bad), HUGE, PAGED)).rejects.toThrow("checksum");
+  });
+
+  test("needs few requests: pages that lie near each other share one", async () => {
+    const source = new MemorySource(PAGED.file);
+    const watched = await Watched.open(source, HUGE, PAGED);
+    watched.streamer.setViews(viewsOf(view));
+    await watched.until((s) => s.isSettled && s.missingPages === 0);
+    const pages = watched.pages.size;
+    expect(pages).toBeGreaterThan(300);
+    expect(source.requests).toBeLessThan(pages / 8);
+    expect(source.fetched).toBeLessThan(2 * watched.last.wantedFileBytes + headerBytes);
+  });
+
+  test("tells of those pages only whose state has changed", async () => {
+    const watched = await Watched.open(new MemorySource(PAGED.file), HUGE, PAGED);
+    watched.streamer.setViews(viewsOf(view));
+    await watched.until((s) => s.isSettled && s.missingPages === 0);
+    const told = watched.updates.reduce((sum, { pages }) => sum + pages.length / 2, 0);
+    // Each page is loading, then resident.
+    expect(told).toBeLessThanOrEqual(2 * watched.pages.size);
+    expect(new Set(watched.pages.values())).toEqual(new Set([RESIDENT]));
+  });
+});
+
+test("a paused stream requests nothing, and goes on where it was", async () => {
+  const source = new MemorySource(FILE);
+  const watched = await Watched.open(source, HUGE);
+  const view = cameraView(NEAR, 0.8, 800, 2);
+  watched.streamer.setViews(viewsOf(view));
+  await watched.until((s) => s.triangles > 0);
+  watched.streamer.setPaused(true);
+  await new Promise((next) => setTimeout(next, 50));
+  const { requests } = source;
+  await new Promise((next) => setTimeout(next, 50));
+  expect(source.requests).toBe(requests);
+  expect(watched.last.isSettled).toBe(false);
+  watched.streamer.setPaused(false);
+  await watched.until((s) => s.isSettled && s.missingPages === 0);
+  expect(watched.cut).toEqual(select(PLANET, view));
 });

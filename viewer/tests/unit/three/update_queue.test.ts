@@ -7,6 +7,7 @@ import { UpdateQueue } from "../../../packages/umbel/src/three/update_queue.js";
 class Page {
   readonly groups = new Set<number>();
   readonly uploaded: number[] = [];
+  readonly pages: number[] = [];
   cut: number[] = [];
 
   add(group: RenderGroup): void {
@@ -16,6 +17,7 @@ class Page {
 
   finish(update: StreamUpdate): void {
     for (const group of update.removed) this.groups.delete(group);
+    this.pages.push(...update.pages);
     if (update.cuts) this.cut = [...update.cuts[0]];
     for (const group of this.cut) expect(this.groups).toContain(group);
   }
@@ -23,11 +25,14 @@ class Page {
 
 function update(added: number[], removed: number[], cut?: number[]): StreamUpdate {
   return {
-    added: added.map((group) => ({ group }) as RenderGroup),
+    added: added.map(
+      (group) =>
+        ({ group, positions: new Float32Array(3), indices: new Uint32Array(3) }) as RenderGroup,
+    ),
     removed,
     cuts: cut && [Uint32Array.from(cut)],
     statistics: { fetchedBytes: added.length } as StreamUpdate["statistics"],
-    pages: new Uint8Array(1),
+    pages: Uint32Array.from([7, added.length]),
   };
 }
 
@@ -72,6 +77,18 @@ describe("updates", () => {
     expect(page.uploaded).toEqual([1]);
     expect([...page.groups]).toEqual([1]);
     expect(page.cut).toEqual([1]);
+  });
+
+  test("that are merged tell of all pages, in order, and of the bytes that wait", () => {
+    slowClock(100);
+    const [queue, page] = [new UpdateQueue(), new Page()];
+    for (const groups of [[1], [2], [3, 4]]) queue.push(update(groups, []));
+    expect(queue.waitingBytes).toBe(4 * 24);
+    queue.apply(0, page);
+    expect(queue.waitingBytes).toBe(3 * 24);
+    while (!queue.isEmpty) queue.apply(0, page);
+    expect(queue.waitingBytes).toBe(0);
+    expect(page.pages).toEqual([7, 1, 7, 1, 7, 2]);
   });
 
   test("a group that is removed and comes back stays, whether it was there or not", () => {

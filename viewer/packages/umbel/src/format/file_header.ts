@@ -5,23 +5,23 @@ import { leastClusterBytes } from "../decode/chunk_tables.js";
 import { corrupt, UmbelError } from "../errors.js";
 import { viewOf } from "./binary.js";
 import { type Json, uvSetsOf } from "./gltf.js";
+import { emptyPageTable, type PageTable, readPages } from "./page_table.js";
 import {
   type FixedHeader,
+  OPENING,
   readFixedHeader,
   readJson,
   readSections,
   type Section,
 } from "./sections.js";
-import { checkSlices } from "./table_slices.js";
+import { checksumsOf } from "./table_slices.js";
 import {
   type EmbeddedFile,
   type Instance,
   type MeshEntry,
-  type PageTable,
   readFiles,
   readInstances,
   readMeshes,
-  readPages,
 } from "./tables.js";
 import { hasChecksum } from "./xxh64.js";
 
@@ -45,21 +45,32 @@ export interface FileHeader {
   clusters: number;
 }
 
-/** Selection keeps two bytes for every group of every instance. */
+/** Selection keeps two bytes for every known group of every instance. */
 const MAX_INSTANCED_GROUPS = 2 ** 30;
 
-/** Reads the file header from the bytes before the first page. */
+/** Bytes that `readFileHeader` needs at least. */
+export function openingBytesOf({ openingBytes, headerBytes }: FixedHeader): number {
+  return openingBytes || headerBytes;
+}
+
+/**
+ * Reads the file header from the bytes before the first page. Where its table of pages can be read
+ * in slices, the bytes before that table suffice; `readSlice` then reads slices of it.
+ */
 export function readFileHeader(bytes: Uint8Array): FileHeader {
   const fixed = readFixedHeader(bytes);
-  if (bytes.length < fixed.headerBytes) corrupt("The file is cut off in its tables.");
-  const header = bytes.subarray(0, fixed.headerBytes);
+  const isOpening = fixed.openingBytes > 0 && bytes.length < fixed.headerBytes;
+  const size = isOpening ? openingBytesOf(fixed) : fixed.headerBytes;
+  if (bytes.length < size) corrupt("The file is cut off in its tables.");
+  const header = bytes.subarray(0, size);
   const view = viewOf(header);
-  if (!hasChecksum(header.subarray(fixed.size), view, 32))
+  if (!hasChecksum(header.subarray(fixed.size), view, isOpening ? OPENING + 8 : 32))
     corrupt("The file is damaged: the checksum of its tables does not match.");
   const sections = readSections(view, fixed);
   const section = (name: string) => sections.get(name) as Section;
-  checkSlices(view, section("PAGE"), sections.get("PSUM"));
-  const pages = readPages(view, section("PAGE"), fixed);
+  const pages = isOpening
+    ? openPages(view, section("PAGE"), sections.get("PSUM"), fixed)
+    : readPages(view, section("PAGE"), sections.get("PSUM"), fixed);
   const materials = readJson(header, section("MTRL"));
   const meshes = readMeshes(view, section, pages.count, uvSetsOf(materials));
   const last = meshes[meshes.length - 1];
@@ -68,10 +79,7 @@ export function readFileHeader(bytes: Uint8Array): FileHeader {
   const instances = readInstances(view, section("INST"), meshes.length);
   if (groups * instances.length > MAX_INSTANCED_GROUPS)
     throw new UmbelError("unsupported", "The file has too many instances for this viewer.");
-  if (pages.groups.reduce((sum, count) => sum + count, 0) !== groups)
-    corrupt("The file is damaged: its pages do not hold all groups.");
-  if (pages.size.reduce((sum, size) => sum + size, 0) < leastClusterBytes(fixed.major) * clusters)
-    corrupt("The file is damaged: its pages cannot hold all clusters.");
+  if (!isOpening) checkPages(pages, groups, leastClusterBytes(fixed.major) * clusters);
   return {
     fixed,
     origin: readOrigin(view, sections.get("ORIG")),
@@ -85,6 +93,29 @@ export function readFileHeader(bytes: Uint8Array): FileHeader {
     groups,
     clusters,
   };
+}
+
+/** The table of pages that is read in slices: it is the first after the bytes that were read. */
+function openPages(
+  view: DataView,
+  section: Section,
+  sums: Section | undefined,
+  fixed: FixedHeader,
+): PageTable {
+  if (section.offset !== fixed.openingBytes)
+    corrupt("The file is damaged: its table of pages is not where its header says.");
+  const checksums = checksumsOf(view, section, sums);
+  if (!checksums && section.count > 0)
+    corrupt("The file is damaged: its table of pages has no checksums.");
+  return emptyPageTable(section, checksums);
+}
+
+/** Checks a whole table of pages. */
+function checkPages(pages: PageTable, groups: number, clusterBytes: number): void {
+  if (pages.groups.reduce((sum, count) => sum + count, 0) !== groups)
+    corrupt("The file is damaged: its pages do not hold all groups.");
+  if (pages.size.reduce((sum, size) => sum + size, 0) < clusterBytes)
+    corrupt("The file is damaged: its pages cannot hold all clusters.");
 }
 
 function readOrigin(view: DataView, section: Section | undefined): [number, number, number] {

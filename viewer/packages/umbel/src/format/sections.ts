@@ -11,6 +11,8 @@ const OLDEST = 3;
 const NEWEST = 4;
 const MAGIC = [0xab, 0x55, 0x4d, 0x42, 0x4c, 0x0d, 0x0a, 0x1a];
 const SECTION_ROW = 40;
+/** Of the opening size in the fixed header; its checksum follows. */
+export const OPENING = 56;
 const MAX_SECTIONS = 1024;
 
 /** The values of the fixed header. */
@@ -22,6 +24,8 @@ export interface FixedHeader {
   /** Bytes of the whole file header: this one, the table of sections and the sections. */
   headerBytes: number;
   sections: number;
+  /** Where the table of pages starts if it can be read in slices; else 0. */
+  openingBytes: number;
   maxTriangles: number;
   maxVertices: number;
 }
@@ -72,13 +76,16 @@ export function readFixedHeader(bytes: Uint8Array): FixedHeader {
     fileBytes: readU64(view, 16),
     headerBytes: readU64(view, 24),
     sections: view.getUint32(40, true),
+    openingBytes: size > OPENING + 16 ? readU64(view, OPENING) : 0,
     maxTriangles: view.getUint32(48, true),
     maxVertices: view.getUint32(52, true),
   };
   if (
     fixed.sections > MAX_SECTIONS ||
     fixed.headerBytes > fixed.fileBytes ||
-    fixed.headerBytes < size + SECTION_ROW * fixed.sections
+    fixed.headerBytes < size + SECTION_ROW * fixed.sections ||
+    fixed.openingBytes > fixed.headerBytes ||
+    (fixed.openingBytes > 0 && fixed.openingBytes < size + SECTION_ROW * fixed.sections)
   )
     corrupt("The file is damaged: its header contradicts itself.");
   return fixed;
@@ -97,7 +104,8 @@ export function readSections(view: DataView, fixed: FixedHeader): Map<string, Se
     const minStride = REQUIRED[name] ?? OPTIONAL[name];
     // Sections that this reader does not know may lie anywhere.
     const isInHeader = minStride !== undefined && name !== "NODE";
-    const end = isInHeader ? fixed.headerBytes : fixed.fileBytes;
+    const tablesEnd = (name !== "PAGE" && fixed.openingBytes) || fixed.headerBytes;
+    const end = isInHeader ? tablesEnd : fixed.fileBytes;
     if (offset + size > end || (minStride && (stride < minStride || stride * count !== size)))
       corrupt(`The file is damaged: its section ${name} does not fit.`);
     if (minStride && sections.has(name))

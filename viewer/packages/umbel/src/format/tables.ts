@@ -45,15 +45,6 @@ export interface Instance {
   matrix: Float32Array;
 }
 
-export interface PageTable {
-  count: number;
-  offset: Float64Array;
-  size: Uint32Array;
-  groups: Uint32Array;
-  /** Low and high half, two a page. */
-  checksum: Uint32Array;
-}
-
 export interface EmbeddedFile {
   offset: number;
   size: number;
@@ -181,31 +172,4 @@ export function readFiles(view: DataView, section: Section, fixed: FixedHeader):
   if (files.some(({ offset, size }) => offset + size > fixed.fileBytes))
     corrupt("The file is damaged: an embedded file does not lie in it.");
   return files;
-}
-
-export function readPages(view: DataView, section: Section, fixed: FixedHeader): PageTable {
-  const { count } = section;
-  if (section.offset + section.stride * count > view.byteLength) corrupt("The file is damaged.");
-  const pages = {
-    count,
-    offset: new Float64Array(count),
-    size: new Uint32Array(count),
-    groups: new Uint32Array(count),
-    checksum: new Uint32Array(2 * count),
-  };
-  let end = fixed.headerBytes;
-  for (let p = 0; p < count; ++p) {
-    const row = section.offset + p * section.stride;
-    pages.offset[p] = readU64(view, row);
-    pages.size[p] = view.getUint32(row + 8, true);
-    pages.groups[p] = view.getUint32(row + 12, true);
-    pages.checksum[2 * p] = view.getUint32(row + 16, true);
-    pages.checksum[2 * p + 1] = view.getUint32(row + 20, true);
-    if (pages.offset[p] < end || pages.offset[p] + pages.size[p] > fixed.fileBytes)
-      corrupt(`The file is damaged: page ${p} overlaps another.`);
-    if (PAGE_HEADER + GROUP_ROW * pages.groups[p] > pages.size[p])
-      corrupt(`The file is damaged: page ${p} cannot hold its groups.`);
-    end = pages.offset[p] + pages.size[p];
-  }
-  return pages;
 }

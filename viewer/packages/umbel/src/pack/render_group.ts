@@ -86,7 +86,7 @@ export function packGroup(geometry: GroupGeometry, dag: GroupDag): RenderGroup {
     indices,
     positions: values.positions ?? new Float32Array(0),
     generating: info.generating.slice(),
-    generatingError: Float32Array.from(info.generating, (g) => (g === NONE ? 0 : dag.error[g])),
+    generatingError: Float32Array.from(info.generating, (g) => (g === NONE ? 0 : dag.errorOf(g))),
     material: info.material.slice(),
     boxes: info.boxes.slice(),
   };

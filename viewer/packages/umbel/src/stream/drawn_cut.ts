@@ -12,11 +12,11 @@ export interface DrawnCut {
   clusters: number;
 }
 
-/** @param isPending whether the refinement of a group is selected but not resident */
+/** @param isPending whether the refinement of the group in a slot is selected but not resident */
 export function drawnCut(
   dag: GroupDag,
   refined: Uint8Array,
-  isPending: (group: number) => boolean,
+  isPending: (slot: number) => boolean,
 ): DrawnCut {
   const runs: number[] = [];
   let triangles = 0;
@@ -24,9 +24,10 @@ export function drawnCut(
   for (let g = 0; g < dag.count; ++g) {
     const info = dag.info[g];
     if (!refined[g] || !info || !isDrawn(dag, refined, g)) continue;
+    const slots = dag.generating[g] as Uint32Array;
     let last = -1;
     for (let i = 0; i < info.clusterCount; ++i) {
-      const generating = info.generating[i];
+      const generating = slots[i];
       if (generating !== NONE && refined[generating]) continue;
       const pending = generating !== NONE && isPending(generating) ? 1 : 0;
       const at = runs.length - 3;

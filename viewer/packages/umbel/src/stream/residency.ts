@@ -5,7 +5,8 @@
 // budget is used up.
 
 import type { GroupInfo } from "../decode/group.js";
-import type { FileHeader } from "../format/file_header.js";
+import { type FileHeader, NONE } from "../format/file_header.js";
+import { sliceOf } from "../format/page_table.js";
 import { GroupDag } from "../select/group_dag.js";
 import { keepDrawable, nextRefinement } from "../select/refinement.js";
 import { ABSENT, DAMAGED, PageCache, RESIDENT } from "./page_cache.js";
@@ -22,9 +23,9 @@ const MAX_SHARE = 0.75;
 const MIN_SHARE = 0.02;
 
 interface ViewState extends MeshView {
-  /** 1 for each group to refine. */
+  /** 1 for each slot whose group is to be refined; slots past the end are not. */
   target: Uint8Array;
-  /** 1 for each group that is refined in what is drawn. */
+  /** 1 for each slot whose group is refined in what is drawn. */
   refined: Uint8Array;
 }
 
@@ -39,20 +40,23 @@ export class Residency {
   private views: ViewState[] = [];
   /** Pages to fetch, most urgent first. */
   private queue = new Set<number>();
-  private isWanted: Uint8Array;
+  private needed = new Set<number>();
   /** Part of the budget for the selected cuts; it shrinks while drawn pages leave no room. */
   private share = MAX_SHARE;
 
-  /** @param memoryOf bytes that a group takes */
+  /**
+   * @param memoryOf bytes that a group takes
+   * @param maxIdlePages pages that stay known without being resident, beside those that views refine
+   */
   constructor(
     private readonly header: FileHeader,
     budget: number,
     memoryOf: (info: GroupInfo) => number,
+    private readonly maxIdlePages = 4096,
   ) {
     this.dag = new GroupDag(header);
-    this.isWanted = new Uint8Array(header.pages.count);
     this.cache = new PageCache(header, this.dag, budget, memoryOf, () => {
-      const drawn = new Uint8Array(header.pages.count);
+      const drawn = new Set<number>();
       const refinements = this.views.map(({ refined }) => refined);
       addDrawnPages(this.dag, refinements, drawn);
       return drawn;
@@ -76,14 +80,13 @@ export class Residency {
 
   setViews(views: readonly MeshView[]): void {
     this.share = Math.min(1.1 * this.share, MAX_SHARE);
-    const { count } = this.dag;
     this.views = views.map(({ mesh, view }, i) => {
       const before = this.views[i]?.mesh === mesh ? this.views[i] : undefined;
       return {
         mesh,
         view,
-        target: before?.target ?? new Uint8Array(count),
-        refined: before?.refined ?? new Uint8Array(count),
+        target: before?.target ?? new Uint8Array(0),
+        refined: before?.refined ?? new Uint8Array(0),
       };
     });
   }
@@ -92,41 +95,60 @@ export class Residency {
     return this.views.length;
   }
 
-  /** 1 for each group that is refined in what is drawn of a view. */
+  /** 1 for each slot whose group is refined in what is drawn of a view. */
   refined(view: number): Uint8Array {
     return (this.views[view] as ViewState).refined;
   }
 
   /** Whether a view selects the refinement of a group that it draws unrefined. */
-  isPending(view: number, group: number): boolean {
+  isPending(view: number, slot: number): boolean {
     const state = this.views[view] as ViewState;
-    if (this.dag.info[group]) return state.target[group] === 1;
-    return this.scale === 1 && this.dag.mustRefine(group, state.view);
+    if (this.dag.info[slot]) return state.target[slot] === 1;
+    return this.scale === 1 && this.dag.mustRefine(slot, state.view);
   }
 
   /** Whether the selected cuts are drawn. */
   get isSettled(): boolean {
     if (this.wanted.missing > 0) return false;
-    return this.views.every(({ target, refined }) => target.every((t, g) => t === refined[g]));
+    return this.views.every(({ target, refined }) => isSameSet(target, refined));
   }
 
   /** Selects again, and decides what to fetch and draw; whether other clusters are drawn now. */
   plan(): boolean {
     this.cache.beginRound();
     const limit = this.share * this.cache.budget;
-    let cut = targetCut(this.dag, this.views, this.state.length);
+    let cut = targetCut(this.dag, this.views);
     if (this.cache.memoryOfPages(cut.needed) > limit)
-      cut = targetCutWithin(limit, this.dag, this.views, this.cache, (mesh) =>
-        (this.header.meshes[mesh]?.roots ?? []).map(({ group }) => group),
-      );
+      cut = targetCutWithin(limit, this.dag, this.views, this.cache);
     this.scale = cut.scale;
     this.views.forEach((state, i) => {
       state.target = cut.targets[i] as Uint8Array;
     });
     this.queuePages(cut.needed);
-    return this.redraw(({ target, refined }) =>
-      nextRefinement(this.dag, target, refined, this.cache.isGroupResident),
+    const hasChanged = this.redraw(({ target, refined }) =>
+      nextRefinement(this.dag, target, refined, this.dag.isResident),
     );
+    this.forgetIdlePages();
+    return hasChanged;
+  }
+
+  /** Forgets the least recently used pages that are neither resident nor refined, if there are many. */
+  private forgetIdlePages(): void {
+    const idle = this.dag.slotsOfPage.size - this.cache.residentCount;
+    if (idle <= this.maxIdlePages) return;
+    let left = idle;
+    for (const page of this.cache.idlePages()) {
+      if (left <= 0.75 * this.maxIdlePages) break;
+      const slots = this.dag.slotsOfPage.get(page) as number[];
+      if (this.views.some((view) => slots.some((g) => view.target[g] || view.refined[g]))) continue;
+      this.dag.forget(page);
+      --left;
+    }
+  }
+
+  /** See PageCache. */
+  takeChanges(): Uint32Array {
+    return this.cache.takeChanges();
   }
 
   /** Sets what is drawn of each view; whether that changes anything. */
@@ -134,7 +156,7 @@ export class Residency {
     let hasChanged = false;
     for (const state of this.views) {
       const refined = next(state);
-      hasChanged ||= refined.some((r, g) => r !== state.refined[g]);
+      hasChanged ||= !isSameSet(refined, state.refined);
       state.refined = refined;
     }
     return hasChanged;
@@ -147,6 +169,7 @@ export class Residency {
         this.queue.delete(page);
         continue;
       }
+      if (!this.isListed(page)) continue;
       const evicted = this.cache.makeRoom(this.cache.memoryOfPage(page));
       if (!evicted && !this.cache.isPinned[page]) return undefined;
       this.load(page);
@@ -155,9 +178,28 @@ export class Residency {
     return undefined;
   }
 
+  /** Slices of the table of pages that pages to be fetched are in, and that are not read yet. */
+  missingSlices(): Set<number> {
+    const slices = new Set<number>();
+    for (const page of this.queue) if (!this.isListed(page)) slices.add(sliceOf(page));
+    return slices;
+  }
+
+  private isListed(page: number): boolean {
+    return this.header.pages.isRead[sliceOf(page)] === 1;
+  }
+
+  /** Gives up all wanted pages of a slice of the table that cannot be read; returns their number. */
+  failedSlice(slice: number): number {
+    const pages = [...this.queue].filter((page) => sliceOf(page) === slice);
+    for (const page of pages) this.cache.fail(page, true);
+    return pages.length;
+  }
+
   /** Marks `page` as loading too, if it is to be fetched and fits without eviction. */
   takeAlso(page: number): boolean {
     if (!this.queue.has(page) || this.state[page] !== ABSENT) return false;
+    if (!this.isListed(page)) return false;
     if (!this.cache.fits(page)) return false;
     this.load(page);
     return true;
@@ -175,7 +217,7 @@ export class Residency {
   arrived(page: number, infos: readonly GroupInfo[]): number[] {
     this.dag.add(page, infos);
     const evicted = this.cache.store(page, infos);
-    if (this.isWanted[page] && this.state[page] === RESIDENT) --this.wanted.missing;
+    if (this.needed.has(page) && this.state[page] === RESIDENT) --this.wanted.missing;
     return evicted;
   }
 
@@ -192,14 +234,18 @@ export class Residency {
   /**
    * Makes room where drawn pages leave none for the selected cuts: draws only groups of the selected
    * cuts or coarser ones. If that was so already, less is selected from now on.
+   * @returns whether anything is different now
    */
-  unblock(): void {
+  unblock(): boolean {
     const hasChanged = this.redraw(({ target }) => {
       const refined = target.slice();
-      keepDrawable(this.dag, refined, this.cache.isGroupResident);
+      keepDrawable(this.dag, refined, this.dag.isResident);
       return refined;
     });
-    if (!hasChanged) this.share = Math.max(0.85 * this.share, MIN_SHARE);
+    if (hasChanged) return true;
+    const before = this.share;
+    this.share = Math.max(0.85 * before, MIN_SHARE);
+    return this.share < before;
   }
 
   /** Whether pages are still to be fetched, now or once there is room. */
@@ -208,12 +254,12 @@ export class Residency {
     return false;
   }
 
-  private queuePages(needed: Uint8Array): void {
-    this.isWanted = needed;
+  private queuePages(needed: Set<number>): void {
+    this.needed = needed;
     this.wanted = { bytes: 0, fileBytes: this.fileBytes(needed), missing: 0 };
     const absent: number[] = [];
-    for (let page = 0; page < needed.length; ++page) {
-      if (!needed[page] || this.state[page] === DAMAGED) continue;
+    for (const page of needed) {
+      if (this.state[page] === DAMAGED) continue;
       this.cache.use(page);
       this.wanted.bytes += this.cache.memoryOfPage(page);
       if (this.state[page] !== RESIDENT) ++this.wanted.missing;
@@ -223,32 +269,34 @@ export class Residency {
   }
 
   /** File bytes of the needed pages and of all pages above them. */
-  private fileBytes(needed: Uint8Array): number {
-    const isRead = needed.slice();
+  private fileBytes(needed: Set<number>): number {
+    const read = new Set(needed);
     for (const { target } of this.views)
-      for (let g = 0; g < target.length; ++g) if (target[g]) isRead[this.dag.page[g]] = 1;
+      for (let g = 0; g < target.length; ++g) if (target[g]) read.add(this.dag.page[g]);
     let bytes = 0;
-    for (let page = 0; page < isRead.length; ++page)
-      if (isRead[page]) bytes += this.header.pages.size[page];
+    for (const page of read) bytes += this.cache.sizeOf(page);
     return bytes;
   }
 
-  /** Pages with the most visible error first. */
+  /** Pages with the most visible error first; equal ones in the order of the file. */
   private byPriority(pages: readonly number[]): number[] {
-    if (pages.length < 2) return [...pages];
-    const priority = new Map<number, number>();
-    for (let group = 0; group < this.dag.count; ++group) {
-      const page = this.dag.page[group];
-      if (this.isWanted[page] && this.state[page] === ABSENT)
-        priority.set(page, Math.max(priority.get(page) ?? 0, this.highestPriority(group)));
+    const priority = new Map(pages.map((page) => [page, 0]));
+    for (let slot = 0; slot < this.dag.count; ++slot) {
+      const before = priority.get(this.dag.page[slot]);
+      if (before !== undefined && this.dag.group[slot] !== NONE)
+        priority.set(this.dag.page[slot], Math.max(before, this.highestPriority(slot)));
     }
-    return [...pages].sort((a, b) => (priority.get(b) ?? 0) - (priority.get(a) ?? 0));
+    const of = (page: number) => priority.get(page) as number;
+    return [...pages].sort((a, b) => of(b) - of(a) || a - b);
   }
 
-  private highestPriority(group: number): number {
-    return this.views.reduce(
-      (max, { view }) => Math.max(max, priorityOf(this.dag, group, view)),
-      0,
-    );
+  private highestPriority(slot: number): number {
+    return this.views.reduce((max, { view }) => Math.max(max, priorityOf(this.dag, slot, view)), 0);
   }
+}
+
+/** Whether two sets have the same elements; elements past the end of an array are not in it. */
+function isSameSet(a: Uint8Array, b: Uint8Array): boolean {
+  const [short, long] = a.length < b.length ? [a, b] : [b, a];
+  return long.every((is, g) => is === (short[g] ?? 0));
 }

@@ -33,8 +33,8 @@ export interface StreamUpdate {
    */
   cuts: Uint32Array[] | undefined;
   statistics: StreamStatistics;
-  /** The state of each page, in the order of the file: absent, loading, resident, damaged. */
-  pages: Uint8Array;
+  /** Pages whose state has changed, two numbers each: page and state (absent, loading, resident, damaged). */
+  pages: Uint32Array;
 }
 
 export interface StreamListener {

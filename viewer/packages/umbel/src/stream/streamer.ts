@@ -3,7 +3,8 @@
 
 import { readPage } from "../decode/page.js";
 import { UmbelError } from "../errors.js";
-import { type FileHeader, readFileHeader } from "../format/file_header.js";
+import { type FileHeader, openingBytesOf, readFileHeader } from "../format/file_header.js";
+import { placeOf, readSlice } from "../format/page_table.js";
 import { FIXED_HEADER_SIZE, readFixedHeader } from "../format/sections.js";
 import type { MeshEntry } from "../format/tables.js";
 import { memoryOf, packGroup, type RenderGroup } from "../pack/render_group.js";
@@ -21,7 +22,9 @@ const FIRST_BYTES = 3 << 15;
 const FIRST_PAGES = 1 << 14;
 /** Requests for pages and files together: as many as browsers have connections to a host. */
 const MAX_REQUESTS = 6;
-const MAX_REQUEST_BYTES = 1 << 18;
+const MAX_REQUEST_BYTES = 1 << 19;
+/** Bytes between two pages that one request may skip. */
+const GAP = 1 << 15;
 /** Milliseconds until a failed request is tried again. */
 const RETRY_DELAY = 4000;
 
@@ -38,6 +41,8 @@ export class Streamer {
   private isScheduled = false;
   private isClosed = false;
   private needsPlan = false;
+  private isPaused = false;
+  private readonly openSlices = new Set<number>();
   private lastCounts = { triangles: 0, clusters: 0 };
 
   private constructor(
@@ -66,14 +71,19 @@ export class Streamer {
   ): Promise<Streamer> {
     let bytes = await source.read(0, FIRST_BYTES);
     const fixed = readFixedHeader(bytes.length < FIXED_HEADER_SIZE ? bytes.slice() : bytes);
-    if (bytes.length < fixed.headerBytes) {
-      const rest = await source.read(
-        bytes.length,
-        Math.min(fixed.headerBytes + FIRST_PAGES, fixed.fileBytes) - bytes.length,
-      );
+    const needed = openingBytesOf(fixed);
+    if (bytes.length < needed) {
+      const end = needed < fixed.headerBytes ? needed : needed + FIRST_PAGES;
+      const rest = await source.read(bytes.length, Math.min(end, fixed.fileBytes) - bytes.length);
       bytes = joined(bytes, rest);
     }
     return new Streamer(source, readFileHeader(bytes), bytes, options.budget, listener);
+  }
+
+  /** While paused, nothing more is requested: the receiver has enough to do. */
+  setPaused(isPaused: boolean): void {
+    this.isPaused = isPaused;
+    if (!isPaused) this.schedule();
   }
 
   close(): void {
@@ -119,16 +129,23 @@ export class Streamer {
       this.selectTime = performance.now() - start;
       this.removeGroups(this.residency.trim());
     }
-    this.fetchMore();
-    if (this.requests === 0 && this.residency.hasAbsentPages) {
-      this.residency.unblock();
-      this.cutChanged = true;
-      this.schedule(true);
-    }
+    if (!this.isPaused) this.fetchMore();
     this.emit();
   }
 
   private fetchMore(): void {
+    this.fetchPages();
+    if (this.requests > 0 || !this.residency.hasAbsentPages) return;
+    if (!this.residency.unblock()) return;
+    this.cutChanged = true;
+    this.schedule(true);
+  }
+
+  private fetchPages(): void {
+    for (const slice of this.residency.missingSlices()) {
+      if (this.requests >= MAX_REQUESTS - this.files.requests) return;
+      if (!this.openSlices.has(slice)) void this.fetchSlice(slice);
+    }
     while (this.requests < MAX_REQUESTS - this.files.requests) {
       const next = this.residency.next();
       if (!next) return;
@@ -137,20 +154,52 @@ export class Streamer {
     }
   }
 
-  /** The page, with its neighbours in the file that are to be fetched too: one request. */
+  /** The page, with those near it in the file that are to be fetched too: one request. */
   private requestFor(page: number): number[] {
-    const { offset, size } = this.header.pages;
+    const { offset, size, count } = this.header.pages;
     const run = [page];
-    let bytes = size[page];
-    const grow = (next: number, end: number) => {
-      if (bytes + size[next] > MAX_REQUEST_BYTES || offset[next] + size[next] < end) return false;
-      if (!this.residency.takeAlso(next)) return false;
-      bytes += size[next];
-      return true;
-    };
-    while (grow(run[run.length - 1] + 1, 0)) run.push(run[run.length - 1] + 1);
-    while (grow(run[0] - 1, offset[run[0]])) run.unshift(run[0] - 1);
+    let begin = offset[page];
+    let end = begin + size[page];
+    for (let next = page + 1; next < count && offset[next] - end <= GAP; ++next) {
+      const newEnd = offset[next] + size[next];
+      // Rows of the table that are not read are zero.
+      if (newEnd <= end || newEnd - begin > MAX_REQUEST_BYTES) break;
+      if (!this.residency.takeAlso(next)) continue;
+      run.push(next);
+      end = newEnd;
+    }
+    for (let next = page - 1; next >= 0 && begin - offset[next] - size[next] <= GAP; --next) {
+      if (size[next] === 0 || offset[next] > begin || end - offset[next] > MAX_REQUEST_BYTES) break;
+      if (!this.residency.takeAlso(next)) continue;
+      run.unshift(next);
+      begin = offset[next];
+    }
     return run;
+  }
+
+  private async fetchSlice(slice: number): Promise<void> {
+    const { pages, fixed } = this.header;
+    this.openSlices.add(slice);
+    ++this.requests;
+    try {
+      const bytes = await this.read(...placeOf(pages, slice));
+      if (this.isClosed) return;
+      readSlice(pages, slice, bytes, fixed);
+    } catch (error) {
+      if (this.isClosed) return;
+      if (!(error instanceof UmbelError)) throw error;
+      if (error.kind === "network") this.retryLater();
+      else this.damagedPages += this.residency.failedSlice(slice);
+    } finally {
+      --this.requests;
+      this.openSlices.delete(slice);
+    }
+    this.schedule(true);
+  }
+
+  private retryLater(): void {
+    this.listener.connection(true);
+    setTimeout(() => this.schedule(true), RETRY_DELAY);
   }
 
   private async fetch(run: number[]): Promise<void> {
@@ -168,8 +217,7 @@ export class Streamer {
       if (this.isClosed) return;
       if (!(error instanceof UmbelError)) throw error;
       for (const page of run) this.residency.failed(page, false);
-      this.listener.connection(true);
-      setTimeout(() => this.schedule(true), RETRY_DELAY);
+      this.retryLater();
     } finally {
       --this.requests;
     }
@@ -202,11 +250,10 @@ export class Streamer {
   }
 
   private removeGroups(pages: readonly number[]): void {
-    for (const page of pages) {
-      const groups = this.residency.dag.groupsOfPage[page] ?? [];
-      this.removed.push(...groups);
-      this.added = this.added.filter(({ group }) => !groups.includes(group));
-    }
+    if (pages.length === 0) return;
+    const groups = new Set(pages.flatMap((page) => this.residency.dag.groupsOf(page)));
+    this.removed.push(...groups);
+    this.added = this.added.filter(({ group }) => !groups.has(group));
   }
 
   private emit(): void {
@@ -229,7 +276,7 @@ export class Streamer {
         isSettled: residency.isSettled,
         selectTime: this.selectTime,
       },
-      pages: residency.state.slice(),
+      pages: residency.takeChanges(),
     });
     this.added = [];
     this.removed = [];
@@ -250,7 +297,7 @@ export class Streamer {
   private cuts(): DrawnCut[] {
     const { residency } = this;
     return Array.from({ length: residency.viewCount }, (_, view) =>
-      drawnCut(residency.dag, residency.refined(view), (group) => residency.isPending(view, group)),
+      drawnCut(residency.dag, residency.refined(view), (slot) => residency.isPending(view, slot)),
     );
   }
 }

@@ -18,10 +18,10 @@ export interface MeshView {
 }
 
 export interface TargetCut {
-  /** For each view, 1 for each group to refine. */
+  /** For each view, 1 for each slot whose group is to be refined. */
   targets: Uint8Array[];
-  /** 1 for each page that the cuts need. */
-  needed: Uint8Array;
+  /** The pages that the cuts need. */
+  needed: Set<number>;
   /** Factor on the allowed error that the limit of memory demands; 1 if it suffices. */
   scale: number;
 }
@@ -30,22 +30,22 @@ export interface TargetCut {
 export function addDrawnPages(
   dag: GroupDag,
   refinements: readonly Uint8Array[],
-  pages: Uint8Array,
+  pages: Set<number>,
 ): void {
   const { page } = dag;
   for (const refined of refinements)
     for (let g = 0; g < refined.length; ++g)
-      if (refined[g] && !pages[page[g]] && isDrawn(dag, refined, g)) pages[page[g]] = 1;
+      if (refined[g] && !pages.has(page[g]) && isDrawn(dag, refined, g)) pages.add(page[g]);
 }
 
 /** Selects what the views ask for, as far as the DAG is known. */
-export function targetCut(dag: GroupDag, views: readonly MeshView[], pageCount: number): TargetCut {
-  const needed = new Uint8Array(pageCount);
+export function targetCut(dag: GroupDag, views: readonly MeshView[]): TargetCut {
+  const needed = new Set<number>();
   const targets = views.map(({ mesh, view }) => {
     const target = new Uint8Array(dag.count);
     dag.traverse(mesh, view, (group) => {
       if (!dag.info[group]) {
-        needed[dag.page[group]] = 1;
+        needed.add(dag.page[group]);
         return false;
       }
       target[group] = 1;
@@ -73,18 +73,16 @@ export function priorityOf(dag: GroupDag, group: number, view: View): number {
 /**
  * Selects with a limit of bytes: refines groups in the order of their priority, for all views
  * together.
- * @param rootsOf the roots of a mesh
  */
 export function targetCutWithin(
   limit: number,
   dag: GroupDag,
   views: readonly MeshView[],
   cache: PageCache,
-  rootsOf: (mesh: number) => readonly number[],
 ): TargetCut {
   const selection = new LimitedSelection(limit, dag, views, cache);
   views.forEach(({ mesh }, view) => {
-    for (const group of rootsOf(mesh)) selection.offer(view, group);
+    for (const group of dag.rootsOf(mesh)) selection.offer(view, group);
   });
   selection.run();
   return {
@@ -163,21 +161,26 @@ class LimitedSelection {
 /** Counts the drawn groups of each page, and the memory of the pages with any. */
 class DrawnPages {
   bytes = 0;
-  private readonly groups: Uint32Array;
+  private readonly groups = new Map<number, number>();
 
-  constructor(private readonly cache: PageCache) {
-    this.groups = new Uint32Array(cache.state.length);
-  }
+  constructor(private readonly cache: PageCache) {}
 
   add(page: number): void {
-    if (this.groups[page]++ === 0) this.bytes += this.cache.memoryOfPage(page);
+    const count = this.groups.get(page) ?? 0;
+    if (count === 0) this.bytes += this.cache.memoryOfPage(page);
+    this.groups.set(page, count + 1);
   }
 
   remove(page: number): void {
-    if (--this.groups[page] === 0) this.bytes -= this.cache.memoryOfPage(page);
+    const count = (this.groups.get(page) as number) - 1;
+    if (count > 0) this.groups.set(page, count);
+    else {
+      this.groups.delete(page);
+      this.bytes -= this.cache.memoryOfPage(page);
+    }
   }
 
-  needed(): Uint8Array {
-    return Uint8Array.from(this.groups, (count) => Number(count > 0));
+  needed(): Set<number> {
+    return new Set(this.groups.keys());
   }
 }

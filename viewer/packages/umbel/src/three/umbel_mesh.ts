@@ -47,6 +47,8 @@ export interface UmbelMeshOptions {
 }
 
 const DEFAULT_BUDGET = 2 ** 28;
+/** Bytes of groups that wait to be uploaded before the stream rests. */
+const MAX_WAITING_BYTES = 1 << 24;
 
 export class UmbelMesh extends Object3D {
   /** Allowed error of what is drawn, in pixels. */
@@ -54,8 +56,8 @@ export class UmbelMesh extends Object3D {
   /** While true, the cut stays as it is, wherever the camera goes. */
   isFrozen = false;
   statistics: StreamStatistics | undefined;
-  /** The state of each page, in the order of the file: 0 absent, 1 loading, 2 resident, 3 damaged. */
-  pages: Uint8Array = new Uint8Array(0);
+  /** The states of pages, by their number: 1 loading, 2 resident, 3 damaged; all others are absent. */
+  readonly pages = new Map<number, number>();
   /** Draw calls, triangles and clusters of the last frame, after culling. */
   readonly drawn: DrawCounts = { calls: 0, triangles: 0, clusters: 0 };
   /** Rises whenever the cut changes. */
@@ -74,6 +76,7 @@ export class UmbelMesh extends Object3D {
   private readonly instances: MeshInstance[];
   private readonly residents: ResidentGroups;
   private readonly updates = new UpdateQueue();
+  private isPaused = false;
   private readonly views: ViewTracker;
   private readonly budget: MemoryBudget;
   private readonly texelDemand = new TexelDemand();
@@ -120,6 +123,7 @@ export class UmbelMesh extends Object3D {
     stream.listener = {
       update: (update) => {
         this.updates.push(update);
+        this.pauseIfBusy();
         this.onChange?.();
       },
       connection: (isLost) => this.onConnection?.(isLost),
@@ -234,16 +238,28 @@ export class UmbelMesh extends Object3D {
       finish: (update) => this.finish(update),
     });
     if (!this.updates.isEmpty) this.onChange?.();
+    this.pauseIfBusy();
     if (count > 0 && this.tintFunction) this.paint();
+  }
+
+  /** Lets the stream rest while more groups wait than a few frames can upload. */
+  private pauseIfBusy(): void {
+    const isPaused = this.updates.waitingBytes > MAX_WAITING_BYTES;
+    if (isPaused !== this.isPaused) this.stream.setPaused(isPaused);
+    this.isPaused = isPaused;
   }
 
   /** Of an update whose groups are uploaded. */
   private finish(update: StreamUpdate): void {
     for (const group of update.removed) this.residents.remove(group);
     this.statistics = update.statistics;
-    this.pages = update.pages;
+    for (let i = 0; i < update.pages.length; i += 2) {
+      const [page, state] = [update.pages[i] as number, update.pages[i + 1] as number];
+      if (state === 0) this.pages.delete(page);
+      else this.pages.set(page, state);
+    }
     if (!update.cuts) return;
-    const groupOf = this.residents.byCluster();
+    const groupOf = this.residents.byCluster;
     update.cuts.forEach((cut, i) => {
       this.instances[i]?.setCut(cut, groupOf);
     });

@@ -7,7 +7,7 @@ import type { RenderGroup } from "../pack/render_group.js";
 import type { StreamUpdate } from "../stream/stream_update.js";
 
 /** Milliseconds of a frame for uploads, at least and at most; between them a share of the frame. */
-const UPLOAD_TIME = { low: 6, high: 25 };
+const UPLOAD_TIME = { low: 6, high: 250 };
 const FRAME_SHARE = 0.25;
 
 /** Who takes updates: first each new group, then, in one frame, all else. */
@@ -28,14 +28,18 @@ export class UpdateQueue {
     return this.current === undefined;
   }
 
+  /** Bytes of groups that wait, at most. */
+  waitingBytes = 0;
+
   push(update: StreamUpdate): void {
+    for (const group of update.added) this.waitingBytes += bytesOf(group);
     if (!this.current) this.current = inOrder(update);
     else this.next = this.next ? merged(this.next, update) : inOrder(update);
   }
 
   clear(): void {
     this.current = this.next = undefined;
-    this.uploaded = 0;
+    this.uploaded = this.waitingBytes = 0;
   }
 
   /**
@@ -52,6 +56,7 @@ export class UpdateQueue {
       const { added } = this.current;
       for (; this.uploaded < added.length; ++this.uploaded, ++groups) {
         if (groups > 0 && isLate()) return count;
+        this.waitingBytes -= bytesOf(added[this.uploaded]);
         target.add(added[this.uploaded]);
       }
       target.finish(this.current);
@@ -61,8 +66,14 @@ export class UpdateQueue {
       this.uploaded = 0;
       if (isLate()) break;
     }
+    if (!this.current) this.waitingBytes = 0;
     return count;
   }
+}
+
+function bytesOf({ positions, indices, normals, uvs }: RenderGroup): number {
+  const arrays = [positions, indices, normals, uvs];
+  return arrays.reduce((sum, array) => sum + (array?.byteLength ?? 0), 0);
 }
 
 /** What two updates are together. */
@@ -75,6 +86,7 @@ function merged(first: StreamUpdate, second: StreamUpdate): StreamUpdate {
     removed: [...new Set([...first.removed, ...second.removed])],
     added: [...added.values()],
     cuts: second.cuts ?? first.cuts,
+    pages: Uint32Array.from([...first.pages, ...second.pages]),
   });
 }
 

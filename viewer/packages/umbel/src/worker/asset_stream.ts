@@ -79,6 +79,11 @@ export class AssetStream {
     send(this.worker, { type: "budget", bytes });
   }
 
+  /** While paused, the stream requests nothing more: the page has enough to do. */
+  setPaused(isPaused: boolean): void {
+    send(this.worker, { type: "pause", isPaused });
+  }
+
   /** Reads an embedded file; undefined if that fails. */
   readFile(index: number, isUrgent = false): Promise<Uint8Array | undefined> {
     return new Promise((resolve) => {

@@ -9,6 +9,7 @@ export type ToWorker =
   | { type: "open"; source: string | Blob; options: StreamOptions }
   | { type: "views"; views: MeshView[] }
   | { type: "budget"; bytes: number }
+  | { type: "pause"; isPaused: boolean }
   | { type: "file"; index: number; isUrgent: boolean }
   | { type: "close" };
 

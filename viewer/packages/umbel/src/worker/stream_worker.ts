@@ -21,6 +21,7 @@ function send(message: FromWorker, transfer: Transferable[] = []): void {
 const listener: StreamListener = {
   update: (update) => {
     const transfer = update.added.flatMap(buffersOf);
+    transfer.push(update.pages.buffer as ArrayBuffer);
     for (const cut of update.cuts ?? []) transfer.push(cut.buffer as ArrayBuffer);
     send({ type: "update", update }, [...new Set(transfer)]);
   },
@@ -56,6 +57,7 @@ scope.onmessage = ({ data }) => {
   if (data.type === "open") void open(data);
   else if (data.type === "views") streamer?.setViews(data.views);
   else if (data.type === "budget") streamer?.setBudget(data.bytes);
+  else if (data.type === "pause") streamer?.setPaused(data.isPaused);
   else if (data.type === "file") void sendFile(data.index, data.isUrgent);
   else streamer?.close();
 };

@@ -24,6 +24,8 @@ export class ResidentGroups {
   private readonly layouts: VertexLayout[];
   private readonly arenas = new Set<Arena>();
   private readonly groups = new Map<number, ResidentGroup>();
+  /** The group of each resident cluster. */
+  readonly byCluster = new Map<number, ResidentGroup>();
   private readonly slots = new Allocator(MAX_SLOTS);
 
   /**
@@ -42,16 +44,6 @@ export class ResidentGroups {
     return this.groups.get(group);
   }
 
-  /** The group of each resident cluster. */
-  byCluster(): Map<number, ResidentGroup> {
-    const found = new Map<number, ResidentGroup>();
-    for (const resident of this.groups.values()) {
-      const { firstCluster, clusterCount } = resident.group;
-      for (let c = firstCluster; c < firstCluster + clusterCount; ++c) found.set(c, resident);
-    }
-    return found;
-  }
-
   /** Does nothing where the group is there. */
   add(group: RenderGroup): void {
     if (this.groups.has(group.group)) return;
@@ -66,12 +58,10 @@ export class ResidentGroups {
     const box = new Box3();
     for (let i = 0; i < group.clusterCount; ++i) box.union(boxOf(group, i));
     this.coarsestError = Math.max(this.coarsestError, ...group.generatingError);
-    this.groups.set(group.group, {
-      group,
-      arena: arena as Arena,
-      allocation: allocation as Allocation,
-      box,
-    });
+    const resident = { group, arena: arena as Arena, allocation: allocation as Allocation, box };
+    this.groups.set(group.group, resident);
+    for (let i = 0; i < group.clusterCount; ++i)
+      this.byCluster.set(group.firstCluster + i, resident);
   }
 
   private allocate(group: RenderGroup, slot: number): [Arena?, Allocation?] {
@@ -88,6 +78,8 @@ export class ResidentGroups {
     const resident = this.groups.get(group);
     if (!resident) return;
     this.groups.delete(group);
+    const { firstCluster, clusterCount } = resident.group;
+    for (let i = 0; i < clusterCount; ++i) this.byCluster.delete(firstCluster + i);
     this.slots.free(resident.allocation.slot, resident.group.clusterCount);
     resident.arena.remove(resident.group);
     if (!resident.arena.isEmpty) return;
@@ -100,6 +92,7 @@ export class ResidentGroups {
     for (const arena of this.arenas) arena.dispose();
     this.arenas.clear();
     this.groups.clear();
+    this.byCluster.clear();
   }
 }
 
