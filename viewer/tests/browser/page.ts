@@ -21,7 +21,8 @@ interface PageViewer {
       isSettled: boolean;
       position: { toArray(): number[] };
       textures: { bytes: number; missing: number; resident: number };
-      pages: Uint8Array;
+      pages: ReadonlyMap<number, number>;
+      children: unknown[];
       info: AssetInfo;
     }[];
     height: number;

@@ -109,7 +109,8 @@ test("the budget is kept along a camera path", async ({ page, host }) => {
     return most;
   });
   const { budget, scale } = await settled(page);
-  expect(budget).toBe(4 * 2 ** 20);
+  // The rest is for tables.
+  expect(budget).toBe((13 / 16) * 4 * 2 ** 20);
   expect(most).toBeLessThanOrEqual(budget);
   expect(most).toBeGreaterThan(budget / 2);
   expect(scale).toBeGreaterThan(1);

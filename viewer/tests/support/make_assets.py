@@ -106,6 +106,60 @@ def dump(path: Path) -> None:
     path.with_suffix(".json").write_text(json.dumps(expected), encoding="utf-8")
 
 
+def make_forest(folder: Path) -> None:
+    """An asset with a tree of instances, and what the library selects from it."""
+    rng = np.random.default_rng(3)
+    count, side = 70_000, 265
+    matrices = np.zeros((count + 1, 3, 4), np.float32)
+    angle, scale = rng.uniform(0, 6.3, count), rng.uniform(0.5, 1.5, (count, 3))
+    for axis in range(3):
+        matrices[:count, axis, axis] = scale[:, axis]
+    matrices[:count, 0, 0] *= np.cos(angle)
+    matrices[:count, 2, 0] = -scale[:, 0] * np.sin(angle)
+    matrices[:count, 0, 2] = scale[:, 2] * np.sin(angle)
+    matrices[:count, 2, 2] *= np.cos(angle)
+    places = np.stack([np.arange(count) % side, np.arange(count) // side], 1) * 3.0
+    matrices[:count, ::2, 3] = places + rng.uniform(-1, 1, (count, 2))
+    matrices[count] = np.eye(4)[:3]
+    ground = umbel.shapes.grid(64, 64)
+    ground.positions = 3 * side * ground.positions[:, [1, 2, 0]] - np.float32([0, 1, 0])
+    meshes = rng.integers(0, 2, count + 1)
+    meshes[count] = 2
+    lods = [
+        umbel.build_lod(mesh, max_triangles=64)
+        for mesh in (umbel.shapes.blob(5, seed=1), umbel.shapes.blob(4, seed=2), ground)
+    ]
+    path = folder / "forest.umbel"
+    umbel.save_asset(path, lods, umbel.Placements(matrices, meshes))
+    asset = umbel.Asset(path)
+    steps = []
+    for eye, target, pixels in (
+        ((400.0, 3.0, 400.0), (500.0, 0.0, 420.0), 1.0),
+        ((400.0, 3.0, 400.0), (300.0, 0.0, 300.0), 4.0),
+        ((30.5, 40.0, 700.0), (400.0, 0.0, 400.0), 2.0),
+        ((400.0, 600.0, -500.0), (400.0, 0.0, 400.0), 2.0),
+        ((400.0, 6000.0, -5000.0), (400.0, 0.0, 400.0), 1.0),
+    ):
+        camera = umbel.Camera(eye, target, height=600, pixel_error=pixels)
+        selector = umbel.InstanceSelector(asset)
+        first = selector.step(camera, aspect=1.5)
+        last = selector.settle(camera, aspect=1.5)
+        steps.append(
+            {
+                "eye": eye,
+                "fov_y": camera.fov_y,
+                "height": 600,
+                "pixel_error": pixels,
+                "planes": camera.planes(1.5).astype(float).ravel().tolist(),
+                "missing": np.asarray(first.missing).tolist(),
+                "runs": np.asarray(last.runs).astype(int).ravel().tolist(),
+                "shown": int(last.shown),
+                "stand_ins": int(last.stand_ins),
+            }
+        )
+    (folder / "forest.steps.json").write_text(json.dumps(steps), encoding="utf-8")
+
+
 def main() -> None:
     """Makes them all."""
     folder = Path(sys.argv[1])
@@ -131,6 +185,7 @@ def main() -> None:
     shutil.rmtree(folder / "planet_tiles", ignore_errors=True)
     umbel.export_tiles(folder / "planet.umbel", folder / "planet_tiles", tile_triangles=8192)
     make_textured(folder)
+    make_forest(folder)
     for path in (ROOT / "tests" / "vectors" / "format3").glob("*.umbel"):
         copy = folder / f"format3_{path.name}"
         shutil.copyfile(path, copy)

@@ -254,6 +254,69 @@ describe("an asset with a long table of pages", () => {
   });
 });
 
+describe("an asset with a tree of instances", () => {
+  const FOREST = loadAsset("forest");
+  const view = cameraView([400, 3, 400], 0.8, 600, 2);
+  // A view volume to the right, of 90 degrees.
+  const planes = Float32Array.from([0.7, 0, 0.7, -560, 0.7, 0, -0.7, 0]);
+
+  test("shows the listed stand-ins first, then what the view needs", async () => {
+    const watched = await Watched.open(new MemorySource(FOREST.file), HUGE, FOREST);
+    watched.streamer.setScene({ view, planes });
+    await watched.until((s) => s.triangles > 0);
+    const [first] = watched.updates.filter(({ rows }) => rows);
+    expect(first.rows?.reduce((sum, { count }) => sum + count, 0)).toBe(
+      FOREST.header.instances.length,
+    );
+    await watched.until((s) => s.isSettled && s.instances > 0);
+    const { rows } = watched.updates.filter((update) => update.rows).at(-1) as StreamUpdate;
+    const shown = rows?.reduce((sum, { count }) => sum + count, 0);
+    expect(shown).toBe(watched.last.shownInstances);
+    expect(shown).toBeGreaterThan(2 * FOREST.header.instances.length);
+    expect(watched.last.instances).toBe(70_001);
+    expect(watched.problems).toEqual([]);
+    // Some stand so near that they have views of their own.
+    expect(rows?.some(({ isOwn }) => isOwn)).toBe(true);
+    expect(watched.last.missingPages).toBe(0);
+  });
+
+  test("tells of rows only when they change, and turns with the camera", async () => {
+    const watched = await Watched.open(new MemorySource(FOREST.file), HUGE, FOREST);
+    watched.streamer.setScene({ view, planes });
+    await watched.until((s) => s.isSettled && s.instances > 0);
+    const count = () => watched.updates.filter(({ rows }) => rows).length;
+    const before = count();
+    watched.streamer.setScene({ view, planes });
+    await new Promise((next) => setTimeout(next, 150));
+    expect(count()).toBe(before);
+    watched.streamer.setScene({ view, planes: planes.map((x) => -x) });
+    await new Promise((next) => setTimeout(next, 50));
+    await watched.until((s) => s.isSettled);
+    expect(count()).toBeGreaterThan(before);
+  });
+
+  test("shows less within a small budget", async () => {
+    const watched = await Watched.open(new MemorySource(FOREST.file), 4_000_000, FOREST);
+    watched.streamer.setScene({ view, planes });
+    await watched.until((s) => s.instances > 0 && s.missingPages === 0 && s.isSettled);
+    expect(watched.problems).toEqual([]);
+    expect(watched.last.scale).toBeGreaterThan(1);
+    expect(watched.last.shownInstances).toBeLessThan(4_000_000 / 8 / 128);
+    expect(watched.last.residentBytes).toBeLessThanOrEqual(4_000_000);
+  });
+
+  test("keeps the stand-ins where its nodes are damaged", async () => {
+    const bad = FOREST.file.slice();
+    bad[(FOREST.header.tree?.nodes.offset as number) + 70] ^= 1;
+    const watched = await Watched.open(new MemorySource(bad), HUGE, FOREST);
+    watched.streamer.setScene({ view, planes });
+    await watched.until((s) => s.damagedPages === 1 && s.isSettled);
+    const { rows } = watched.updates.filter((update) => update.rows).at(-1) as StreamUpdate;
+    expect(rows?.reduce((sum, { count }) => sum + count, 0)).toBe(FOREST.header.instances.length);
+    expect(watched.last.triangles).toBeGreaterThan(0);
+  });
+});
+
 test("a paused stream requests nothing, and goes on where it was", async () => {
   const source = new MemorySource(FILE);
   const watched = await Watched.open(source, HUGE);

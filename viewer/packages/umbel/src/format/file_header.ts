@@ -5,6 +5,7 @@ import { leastClusterBytes } from "../decode/chunk_tables.js";
 import { corrupt, UmbelError } from "../errors.js";
 import { viewOf } from "./binary.js";
 import { type Json, uvSetsOf } from "./gltf.js";
+import { type InstanceTables, readInstanceTables } from "./instance_tree.js";
 import { emptyPageTable, type PageTable, readPages } from "./page_table.js";
 import {
   type FixedHeader,
@@ -38,7 +39,10 @@ export interface FileHeader {
   /** glTF's nodes, cameras, skins and extensions of the scene; empty where the file has none. */
   scene: Json;
   meshes: MeshEntry[];
+  /** Those in `INST`: with a tree of instances, the stand-ins of its root. */
   instances: Instance[];
+  /** Where the tree of instances lies, if there is one. */
+  tree: InstanceTables | undefined;
   files: EmbeddedFile[];
   pages: PageTable;
   groups: number;
@@ -88,6 +92,7 @@ export function readFileHeader(bytes: Uint8Array): FileHeader {
     scene: readJson(header, sections.get("SCEN")),
     meshes,
     instances,
+    tree: readInstanceTables(view, sections, meshes.length),
     files: readFiles(view, section("FILE"), fixed),
     pages,
     groups,

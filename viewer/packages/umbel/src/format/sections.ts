@@ -35,6 +35,8 @@ export interface Section {
   stride: number;
   offset: number;
   count: number;
+  /** Low and high half. */
+  checksum?: readonly [number, number];
 }
 
 /** Sections that every file has, with the least stride of each. */
@@ -50,7 +52,17 @@ const REQUIRED: Record<string, number> = {
   PAGE: 24,
   NODE: 32,
 };
-const OPTIONAL: Record<string, number> = { ORIG: 24, SCEN: 1, PSUM: 8, NSUM: 8 };
+const OPTIONAL: Record<string, number> = {
+  ORIG: 24,
+  SCEN: 1,
+  PSUM: 8,
+  NSUM: 8,
+  ITRE: 64,
+  IPAG: 1,
+  IERR: 4,
+};
+/** Sections after the pages. */
+const AFTER_PAGES = new Set(["NODE", "ITRE", "IPAG"]);
 
 /** Reads the fixed header from the first bytes of a file: FIXED_HEADER_SIZE of them or more. */
 export function readFixedHeader(bytes: Uint8Array): FixedHeader {
@@ -103,14 +115,15 @@ export function readSections(view: DataView, fixed: FixedHeader): Map<string, Se
     const count = readU64(view, row + 24);
     const minStride = REQUIRED[name] ?? OPTIONAL[name];
     // Sections that this reader does not know may lie anywhere.
-    const isInHeader = minStride !== undefined && name !== "NODE";
+    const isInHeader = minStride !== undefined && !AFTER_PAGES.has(name);
     const tablesEnd = (name !== "PAGE" && fixed.openingBytes) || fixed.headerBytes;
     const end = isInHeader ? tablesEnd : fixed.fileBytes;
     if (offset + size > end || (minStride && (stride < minStride || stride * count !== size)))
       corrupt(`The file is damaged: its section ${name} does not fit.`);
     if (minStride && sections.has(name))
       corrupt(`The file is damaged: it has two sections ${name}.`);
-    sections.set(name, { stride, offset, count });
+    const checksum = [view.getUint32(row + 32, true), view.getUint32(row + 36, true)] as const;
+    sections.set(name, { stride, offset, count, checksum });
   }
   for (const name of Object.keys(REQUIRED))
     if (!sections.has(name)) corrupt(`The file is damaged: it has no section ${name}.`);

@@ -89,6 +89,32 @@ export function isSphereOutside(planes: ArrayLike<number>, spheres: Spheres, i: 
   return false;
 }
 
+const NODE_SLACK = 2 ** -20;
+
+/** Whether the sphere of an inner node lies so far outside that all below it does. */
+export function isNodeOutside(planes: ArrayLike<number>, spheres: Spheres, i: number): boolean {
+  const [x, y, z, radius] = spheres.subarray(4 * i, 4 * i + 4) as unknown as number[];
+  for (let p = 0; p < planes.length; p += 4) {
+    const [a, b, c, d] = [planes[p], planes[p + 1], planes[p + 2], planes[p + 3]];
+    const size = f(
+      f(f(Math.abs(f(a * x)) + Math.abs(f(b * y))) + Math.abs(f(c * z))) + Math.abs(d),
+    );
+    if (f(side(planes, p, x, y, z) + f(NODE_SLACK * size)) < -radius) return true;
+  }
+  return false;
+}
+
+/** How many times larger than a view allows an error is; 0 where it is small enough. */
+export function timesTooLarge(spheres: Spheres, i: number, error: number, view: View): number {
+  if (view.kind === "level") return 1;
+  if (!mustRefine(spheres, i, error, 0, view)) return 0;
+  const allowed =
+    view.kind === "error"
+      ? f(view.error)
+      : f(f(view.threshold) * distanceOutside(spheres, i, view.eye));
+  return Math.min(error / Math.max(allowed, 1.1754943508222875e-38), 1e6);
+}
+
 /** Whether a box (lowest and highest corner) lies outside one of the planes. */
 export function isBoxOutside(planes: ArrayLike<number>, box: ArrayLike<number>, at = 0): boolean {
   for (let p = 0; p < planes.length; p += 4) {

@@ -18,7 +18,9 @@ export interface AssetInfo {
   clusters: number;
   pages: number;
   meshes: MeshInfo[];
+  /** Those that the header lists: with a tree of instances, the stand-ins of its root. */
   instances: Instance[];
+  hasInstanceTree: boolean;
   /** Position of the asset's zero in its world, in binary64. */
   origin: [number, number, number];
   metadata: Json;
@@ -71,6 +73,7 @@ export function assetInfoOf(header: FileHeader): AssetInfo {
       ),
     })),
     instances,
+    hasInstanceTree: header.tree !== undefined,
     origin: header.origin,
     metadata: header.metadata,
     materials: header.materials,

@@ -9,6 +9,7 @@ import { type FileHeader, NONE } from "../format/file_header.js";
 import { sliceOf } from "../format/page_table.js";
 import { GroupDag } from "../select/group_dag.js";
 import { keepDrawable, nextRefinement } from "../select/refinement.js";
+import type { View } from "../select/select.js";
 import { ABSENT, DAMAGED, PageCache, RESIDENT } from "./page_cache.js";
 import {
   addDrawnPages,
@@ -78,15 +79,24 @@ export class Residency {
     this.share = MAX_SHARE;
   }
 
+  /** Sets the budget where only what else takes memory has changed. */
+  setRest(bytes: number): void {
+    this.cache.budget = bytes;
+  }
+
   setViews(views: readonly MeshView[]): void {
     this.share = Math.min(1.1 * this.share, MAX_SHARE);
-    this.views = views.map(({ mesh, view }, i) => {
-      const before = this.views[i]?.mesh === mesh ? this.views[i] : undefined;
+    const before = this.views;
+    const keyed = new Map(before.map((state) => [state.key, state]));
+    this.views = views.map(({ key, mesh, view }, i) => {
+      const same = key === undefined ? before[i] : keyed.get(key);
+      const known = same?.mesh === mesh ? same : nearestOf(before, key, mesh, view);
       return {
+        ...(key === undefined ? {} : { key }),
         mesh,
         view,
-        target: before?.target ?? new Uint8Array(0),
-        refined: before?.refined ?? new Uint8Array(0),
+        target: known?.target ?? new Uint8Array(0),
+        refined: known?.refined ?? new Uint8Array(0),
       };
     });
   }
@@ -293,6 +303,24 @@ export class Residency {
   private highestPriority(slot: number): number {
     return this.views.reduce((max, { view }) => Math.max(max, priorityOf(this.dag, slot, view)), 0);
   }
+}
+
+/** For a new view by error: the one of the same mesh whose error is most like it. */
+function nearestOf(
+  before: readonly ViewState[],
+  key: string | undefined,
+  mesh: number,
+  view: View,
+): ViewState | undefined {
+  if (key === undefined || view.kind !== "error") return undefined;
+  let best: ViewState | undefined;
+  let least = Infinity;
+  for (const state of before) {
+    if (state.mesh !== mesh || state.view.kind !== "error") continue;
+    const distance = Math.abs(Math.log(state.view.error / view.error));
+    if (distance < least) [best, least] = [state, distance];
+  }
+  return best;
 }
 
 /** Whether two sets have the same elements; elements past the end of an array are not in it. */

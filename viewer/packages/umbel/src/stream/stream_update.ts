@@ -1,6 +1,7 @@
 // What a stream tells the page.
 
 import type { RenderGroup } from "../pack/render_group.js";
+import type { InstanceRow } from "./instance_rows.js";
 
 export interface StreamStatistics {
   /** Of the drawn cuts. */
@@ -19,6 +20,9 @@ export interface StreamStatistics {
   scale: number;
   /** Whether the selected cuts are drawn. */
   isSettled: boolean;
+  /** Placements that a tree of instances shows, and its instances; 0 without one. */
+  shownInstances: number;
+  instances: number;
   /** Time of the last selection, in milliseconds. */
   selectTime: number;
 }
@@ -32,6 +36,11 @@ export interface StreamUpdate {
    * cluster, a number of clusters (of one group), and 1 if finer clusters are still to arrive.
    */
   cuts: Uint32Array[] | undefined;
+  /**
+   * Of an asset with a tree of instances: what each cut is of, from now on; undefined where that has
+   * not changed. With it there are cuts.
+   */
+  rows?: InstanceRow[] | undefined;
   statistics: StreamStatistics;
   /** Pages whose state has changed, two numbers each: page and state (absent, loading, resident, damaged). */
   pages: Uint32Array;

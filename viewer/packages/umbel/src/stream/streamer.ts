@@ -10,8 +10,12 @@ import type { MeshEntry } from "../format/tables.js";
 import { memoryOf, packGroup, type RenderGroup } from "../pack/render_group.js";
 import { FileQueue } from "../source/file_queue.js";
 import type { ByteSource } from "../source/source.js";
+import { SpareBytes } from "../source/spare_bytes.js";
 import { type AssetInfo, assetInfoOf } from "./asset_info.js";
 import { type DrawnCut, drawnCut } from "./drawn_cut.js";
+import type { InstanceRow } from "./instance_rows.js";
+import { InstanceStream, type SceneView } from "./instance_stream.js";
+import { ABSENT } from "./page_cache.js";
 import { Residency } from "./residency.js";
 import type { StreamListener, StreamOptions } from "./stream_update.js";
 import type { MeshView } from "./target_cut.js";
@@ -24,7 +28,9 @@ const FIRST_PAGES = 1 << 14;
 const MAX_REQUESTS = 6;
 const MAX_REQUEST_BYTES = 1 << 19;
 /** Bytes between two pages that one request may skip. */
-const GAP = 1 << 15;
+const GAP = 1 << 17;
+/** Milliseconds between two selections from a tree of instances. */
+const TREE_INTERVAL = 60;
 /** Milliseconds until a failed request is tried again. */
 const RETRY_DELAY = 4000;
 
@@ -42,6 +48,14 @@ export class Streamer {
   private isClosed = false;
   private needsPlan = false;
   private isPaused = false;
+  private readonly spare = new SpareBytes();
+  /** Of an asset with a tree of instances. */
+  private readonly tree: InstanceStream | undefined;
+  private rows: InstanceRow[] | undefined;
+  private rowCounts: number[] = [];
+  private rowsHash: number | undefined;
+  private treeTime = 0;
+  private needsTree = false;
   private readonly openSlices = new Set<number>();
   private lastCounts = { triangles: 0, clusters: 0 };
 
@@ -62,6 +76,25 @@ export class Streamer {
     this.residency = new Residency(header, budget, (info) =>
       memoryOf(info, (header.meshes[info.mesh] as MeshEntry).attributes),
     );
+    if (header.tree)
+      this.tree = new InstanceStream(
+        header,
+        budget,
+        (begin, length) => this.read(begin, length),
+        this.spare,
+        (isLost) => {
+          this.needsTree = true;
+          if (isLost) this.retryLater();
+          else this.schedule(true);
+        },
+      );
+  }
+
+  /** Of an asset with a tree of instances: selects from it, in place of views of the listed ones. */
+  setScene(scene: SceneView): void {
+    this.tree?.setView(scene);
+    this.needsTree = this.tree !== undefined;
+    this.schedule(true);
   }
 
   static async open(
@@ -98,7 +131,9 @@ export class Streamer {
 
   setBudget(bytes: number): void {
     this.budget = bytes;
-    this.residency.setBudget(bytes);
+    this.tree?.setBudget(bytes);
+    this.needsTree = this.tree !== undefined;
+    this.residency.setBudget(bytes - (this.tree?.bytes ?? 0));
     this.schedule(true);
   }
 
@@ -120,7 +155,30 @@ export class Streamer {
     }, 0);
   }
 
+  /** Selects from the tree of instances; not too often, since what is shown is sent as a whole. */
+  private selectInstances(tree: InstanceStream): void {
+    if (!this.needsTree || !tree.hasView) return;
+    const wait = this.treeTime + TREE_INTERVAL - performance.now();
+    if (wait > 0) {
+      setTimeout(() => this.schedule(true), wait);
+      return;
+    }
+    this.needsTree = false;
+    this.needsPlan = true;
+    const { rows, views, hash } = tree.select();
+    this.residency.setViews(views);
+    this.residency.setRest(this.budget - tree.bytes);
+    this.rowCounts = rows.map(({ count }) => count);
+    if (hash !== this.rowsHash) {
+      this.rows = rows;
+      this.cutChanged = true;
+    }
+    this.rowsHash = hash;
+    this.treeTime = performance.now();
+  }
+
   private step(): void {
+    if (this.tree) this.selectInstances(this.tree);
     if (this.residency.viewCount === 0) return;
     if (this.needsPlan) {
       this.needsPlan = false;
@@ -134,23 +192,31 @@ export class Streamer {
   }
 
   private fetchMore(): void {
-    this.fetchPages();
+    const limit = MAX_REQUESTS - this.files.requests;
+    // Pages of placements come first: they tell which meshes are needed how fine.
+    if (this.tree?.hasView) this.tree.fetchMore(Math.max(limit - 2, 1));
+    this.fetchPages(limit - (this.tree?.requests ?? 0));
     if (this.requests > 0 || !this.residency.hasAbsentPages) return;
     if (!this.residency.unblock()) return;
     this.cutChanged = true;
     this.schedule(true);
   }
 
-  private fetchPages(): void {
+  private fetchPages(limit: number): void {
     for (const slice of this.residency.missingSlices()) {
-      if (this.requests >= MAX_REQUESTS - this.files.requests) return;
+      if (this.requests >= limit) return;
       if (!this.openSlices.has(slice)) void this.fetchSlice(slice);
     }
-    while (this.requests < MAX_REQUESTS - this.files.requests) {
+    while (this.requests < limit) {
       const next = this.residency.next();
       if (!next) return;
       this.removeGroups(next.evicted);
-      void this.fetch(this.requestFor(next.page));
+      const { offset, size } = this.header.pages;
+      const spare = this.spare.take(offset[next.page], size[next.page]);
+      if (spare) {
+        this.addPage(next.page, spare);
+        this.schedule(true);
+      } else void this.fetch(this.requestFor(next.page));
     }
   }
 
@@ -164,17 +230,28 @@ export class Streamer {
       const newEnd = offset[next] + size[next];
       // Rows of the table that are not read are zero.
       if (newEnd <= end || newEnd - begin > MAX_REQUEST_BYTES) break;
-      if (!this.residency.takeAlso(next)) continue;
+      if (this.spare.has(offset[next]) || !this.residency.takeAlso(next)) continue;
       run.push(next);
       end = newEnd;
     }
     for (let next = page - 1; next >= 0 && begin - offset[next] - size[next] <= GAP; --next) {
       if (size[next] === 0 || offset[next] > begin || end - offset[next] > MAX_REQUEST_BYTES) break;
-      if (!this.residency.takeAlso(next)) continue;
+      if (this.spare.has(offset[next]) || !this.residency.takeAlso(next)) continue;
       run.unshift(next);
       begin = offset[next];
     }
     return run;
+  }
+
+  /** Offset and size of absent pages that a request reads beside those that are wanted. */
+  private skippedBy(run: readonly number[]): [number, number][] {
+    const { offset, size } = this.header.pages;
+    const wanted = new Set(run);
+    const skipped: [number, number][] = [];
+    for (let page = run[0] + 1; page < run[run.length - 1]; ++page)
+      if (!wanted.has(page) && this.residency.state[page] === ABSENT)
+        skipped.push([offset[page], size[page]]);
+    return skipped;
   }
 
   private async fetchSlice(slice: number): Promise<void> {
@@ -211,6 +288,7 @@ export class Streamer {
     try {
       const bytes = await this.read(begin, length);
       if (this.isClosed) return;
+      this.spare.keep(begin, bytes, this.skippedBy(run));
       for (const page of run)
         this.addPage(page, bytes.subarray(offset[page] - begin, offset[page] - begin + size[page]));
     } catch (error) {
@@ -258,38 +336,43 @@ export class Streamer {
 
   private emit(): void {
     const cuts = this.cutChanged ? this.cuts() : undefined;
-    const { residency } = this;
+    const { residency, tree } = this;
+    const missingOfTree = tree?.hasView ? tree.missing : 0;
     this.listener.update({
       added: this.added,
       removed: this.removed,
       cuts: cuts?.map(({ runs }) => runs),
+      rows: this.rows,
       statistics: {
         ...this.counts(cuts),
-        residentBytes: residency.bytes,
+        residentBytes: residency.bytes + (tree?.bytes ?? 0),
         wantedBytes: residency.wanted.bytes,
         budget: this.budget,
         fetchedBytes: this.source.fetched,
         wantedFileBytes: residency.wanted.fileBytes,
-        missingPages: residency.wanted.missing,
-        damagedPages: this.damagedPages,
-        scale: residency.scale,
-        isSettled: residency.isSettled,
+        missingPages: residency.wanted.missing + missingOfTree,
+        damagedPages: this.damagedPages + (tree?.damaged ?? 0),
+        scale: Math.max(residency.scale, tree?.scale ?? 1),
+        isSettled: residency.isSettled && missingOfTree === 0 && !this.needsTree,
+        shownInstances: tree?.shown ?? 0,
+        instances: tree?.total ?? 0,
         selectTime: this.selectTime,
       },
       pages: residency.takeChanges(),
     });
     this.added = [];
     this.removed = [];
+    this.rows = undefined;
     this.cutChanged = false;
   }
 
   private counts(cuts: DrawnCut[] | undefined): { triangles: number; clusters: number } {
     if (cuts) {
       this.lastCounts = { triangles: 0, clusters: 0 };
-      for (const { triangles, clusters } of cuts) {
-        this.lastCounts.triangles += triangles;
-        this.lastCounts.clusters += clusters;
-      }
+      cuts.forEach(({ triangles, clusters }, i) => {
+        this.lastCounts.triangles += triangles * (this.rowCounts[i] ?? 1);
+        this.lastCounts.clusters += clusters * (this.rowCounts[i] ?? 1);
+      });
     }
     return this.lastCounts;
   }

@@ -13,6 +13,8 @@ const NEAREST = 1e-3;
 
 /** A view of a mesh. */
 export interface MeshView {
+  /** Names a view from one call to the next, where views come and go; else they keep their places. */
+  key?: string;
   mesh: number;
   view: View;
 }
@@ -61,7 +63,8 @@ export function targetCut(dag: GroupDag, views: readonly MeshView[]): TargetCut 
 export function priorityOf(dag: GroupDag, group: number, view: View): number {
   const { spheres } = dag;
   const error = Math.min(dag.error[group], 3e38);
-  if (view.kind !== "camera") return error;
+  if (view.kind === "error") return error / Math.max(view.error, 1e-38);
+  if (view.kind === "level") return error;
   // Inside a sphere the distance is 0; there the groups with more error come first.
   const minDistance = NEAREST * spheres[4 * group + 3];
   const distance = Math.max(distanceOutside(spheres, group, view.eye), minDistance);

@@ -9,6 +9,7 @@ import {
   Vector3,
 } from "three";
 import { cameraView, type View } from "../select/select.js";
+import type { SceneView } from "../stream/instance_stream.js";
 
 /** The matrix of three rows of four. */
 export function matrixOf(rows: Float32Array): Matrix4 {
@@ -55,6 +56,23 @@ export function viewOf(
   );
   view.offscreen = offscreen;
   return view;
+}
+
+/** Factor on the width and the height of a scene's view, for what a turn of the camera brings. */
+const SCENE_MARGIN = 1.25;
+
+/** The view of a camera for a tree of instances, in the object's coordinates. */
+export function sceneViewOf(settings: CameraSettings, world: Matrix4): SceneView {
+  const { camera } = settings;
+  const wide = camera.projectionMatrix.clone();
+  wide.elements[0] /= SCENE_MARGIN;
+  wide.elements[5] /= SCENE_MARGIN;
+  const matrix = wide.multiply(camera.matrixWorldInverse).multiply(world);
+  const sides = new Frustum().setFromProjectionMatrix(matrix).planes.slice(0, 4);
+  const planes = Float32Array.from(
+    sides.flatMap(({ normal, constant }) => [normal.x, normal.y, normal.z, constant]),
+  );
+  return { view: viewOf(settings, world), planes };
 }
 
 /** The pose of a camera and an object, as groups of numbers of like size. */

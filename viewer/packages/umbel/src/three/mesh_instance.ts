@@ -19,7 +19,7 @@ export interface DrawCounts {
 export class MeshInstance {
   readonly mesh: number;
   /** From the mesh to the object. */
-  readonly matrix: Matrix4;
+  matrix: Matrix4;
   /** Runs of clusters; see StreamUpdate.cuts. */
   private cut = new Uint32Array(0);
   /** The group of each run. */
@@ -31,7 +31,7 @@ export class MeshInstance {
   constructor(
     { mesh, matrix }: InstanceRow,
     readonly number: number,
-    private readonly parent: Object3D,
+    protected readonly parent: Object3D,
     private readonly materials: Materials,
   ) {
     this.mesh = mesh;
@@ -74,7 +74,7 @@ export class MeshInstance {
     }
   }
 
-  private *all(): Generator<Batch | LineBatch> {
+  protected *all(): Generator<Batch | LineBatch> {
     for (const batches of this.batches.values()) yield* batches.values();
     yield* this.lines.values();
   }
@@ -86,18 +86,32 @@ export class MeshInstance {
     return found;
   }
 
-  private visibleRuns(
+  /** Takes all objects out of the scene. */
+  dispose(): void {
+    for (const batch of this.all()) this.parent.remove(batch);
+    this.batches.clear();
+    this.lines.clear();
+  }
+
+  protected visibleRuns(
     frustum: Frustum,
     visit: (resident: ResidentGroup, first: number, count: number) => void,
   ): void {
     const isVisible = new Map<ResidentGroup, boolean>();
-    this.groups.forEach((resident, i) => {
+    this.runs((resident, first, count) => {
       let visible = isVisible.get(resident);
       if (visible === undefined) {
         visible = frustum.intersectsBox(resident.box);
         isVisible.set(resident, visible);
       }
-      if (visible) visit(resident, this.cut[3 * i], this.cut[3 * i + 1]);
+      if (visible) visit(resident, first, count);
+    });
+  }
+
+  /** Visits all runs of the cut. */
+  protected runs(visit: (resident: ResidentGroup, first: number, count: number) => void): void {
+    this.groups.forEach((resident, i) => {
+      visit(resident, this.cut[3 * i], this.cut[3 * i + 1]);
     });
   }
 
@@ -150,7 +164,7 @@ export class MeshInstance {
     return batch;
   }
 
-  private add<T extends Object3D>(object: T): T {
+  protected add<T extends Batch | LineBatch>(object: T): T {
     object.matrix.copy(this.matrix);
     this.parent.add(object);
     object.updateMatrixWorld(true);

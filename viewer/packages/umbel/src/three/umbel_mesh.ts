@@ -19,12 +19,14 @@ import {
 } from "three";
 import type { AssetInfo } from "../stream/asset_info.js";
 import { boundsOf } from "../stream/bounds.js";
+import type { InstanceRow } from "../stream/instance_rows.js";
 import type { StreamStatistics, StreamUpdate } from "../stream/stream_update.js";
 import { AssetStream } from "../worker/asset_stream.js";
 import { frustumOf } from "./camera_view.js";
 import type { ClusterInfo, TintFunction } from "./cluster_info.js";
 import { ClusterTint } from "./cluster_tint.js";
 import { ResidentGroups } from "./geometry/resident_groups.js";
+import { InstancedCut } from "./instanced_cut.js";
 import { Materials } from "./materials/materials.js";
 import { unsupportedFeatures } from "./materials/unsupported.js";
 import { MemoryBudget } from "./memory_budget.js";
@@ -73,7 +75,9 @@ export class UmbelMesh extends Object3D {
   /** Called when something has arrived or changed, so that a new frame differs from the last. */
   onChange: (() => void) | undefined;
 
-  private readonly instances: MeshInstance[];
+  private instances: MeshInstance[];
+  /** With a tree of instances: those of the last rows, by their keys. */
+  private placed = new Map<string, MeshInstance>();
   private readonly residents: ResidentGroups;
   private readonly updates = new UpdateQueue();
   private isPaused = false;
@@ -116,9 +120,11 @@ export class UmbelMesh extends Object3D {
         for (const instance of this.instances) instance.removeArena(arena);
       },
     );
-    this.instances = stream.info.instances.map(
-      (row, number) => new MeshInstance(row, number, this, this.materials),
-    );
+    this.instances = stream.info.hasInstanceTree
+      ? []
+      : stream.info.instances.map(
+          (row, number) => new MeshInstance(row, number, this, this.materials),
+        );
     this.views = new ViewTracker(stream, this.instances);
     stream.listener = {
       update: (update) => {
@@ -252,18 +258,47 @@ export class UmbelMesh extends Object3D {
   /** Of an update whose groups are uploaded. */
   private finish(update: StreamUpdate): void {
     for (const group of update.removed) this.residents.remove(group);
+    this.budget.setSlack(this.residents.slack);
     this.statistics = update.statistics;
     for (let i = 0; i < update.pages.length; i += 2) {
       const [page, state] = [update.pages[i] as number, update.pages[i + 1] as number];
       if (state === 0) this.pages.delete(page);
       else this.pages.set(page, state);
     }
+    if (update.rows) this.place(update.rows);
     if (!update.cuts) return;
     const groupOf = this.residents.byCluster;
     update.cuts.forEach((cut, i) => {
       this.instances[i]?.setCut(cut, groupOf);
     });
     ++this.cutVersion;
+  }
+
+  /** Shows other instances of a tree. */
+  private place(rows: readonly InstanceRow[]): void {
+    const before = this.placed;
+    this.placed = new Map();
+    this.instances = rows.map((row, number) => {
+      const same = before.get(row.key);
+      before.delete(row.key);
+      if (same instanceof InstancedCut) same.setRow(row);
+      const instance = same ?? this.instanceOf(row, number);
+      this.placed.set(row.key, instance);
+      return instance;
+    });
+    for (const instance of before.values()) instance.dispose();
+  }
+
+  private instanceOf(row: InstanceRow, number: number): MeshInstance {
+    if (row.count > 1 || !row.isOwn) return new InstancedCut(row, number, this, this.materials);
+    const instance = new MeshInstance(
+      { mesh: row.mesh, matrix: new Float32Array(12) },
+      number,
+      this,
+      this.materials,
+    );
+    instance.matrix.fromArray(row.matrices);
+    return instance;
   }
 
   /** Lists the visible part of the cuts for the GPU, and counts it. */

@@ -86,6 +86,7 @@ function merged(first: StreamUpdate, second: StreamUpdate): StreamUpdate {
     removed: [...new Set([...first.removed, ...second.removed])],
     added: [...added.values()],
     cuts: second.cuts ?? first.cuts,
+    rows: second.rows ?? first.rows,
     pages: Uint32Array.from([...first.pages, ...second.pages]),
   });
 }

@@ -2,7 +2,7 @@
 
 import type { Matrix4 } from "three";
 import type { AssetStream } from "../worker/asset_stream.js";
-import { type CameraSettings, isSamePose, poseOf, viewOf } from "./camera_view.js";
+import { type CameraSettings, isSamePose, poseOf, sceneViewOf, viewOf } from "./camera_view.js";
 import type { MeshInstance } from "./mesh_instance.js";
 
 export class ViewTracker {
@@ -22,6 +22,10 @@ export class ViewTracker {
     if (isSamePose(view, this.lastView)) return;
     this.lastView = view;
     ++this.version;
+    if (this.stream.info.hasInstanceTree) {
+      this.stream.setScene(sceneViewOf(settings, world));
+      return;
+    }
     this.stream.setViews(
       this.instances.map((instance) => ({
         mesh: instance.mesh,

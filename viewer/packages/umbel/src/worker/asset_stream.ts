@@ -2,6 +2,7 @@
 
 import { UmbelError } from "../errors.js";
 import type { AssetInfo } from "../stream/asset_info.js";
+import type { SceneView } from "../stream/instance_stream.js";
 import type { StreamListener, StreamOptions, StreamUpdate } from "../stream/stream_update.js";
 import type { MeshView } from "../stream/target_cut.js";
 import type { FromWorker, ToWorker } from "./messages.js";
@@ -73,6 +74,11 @@ export class AssetStream {
 
   setViews(views: MeshView[]): void {
     send(this.worker, { type: "views", views });
+  }
+
+  /** Of an asset with a tree of instances: selects from it, in place of views of the listed ones. */
+  setScene(scene: SceneView): void {
+    send(this.worker, { type: "scene", scene });
   }
 
   setBudget(bytes: number): void {

@@ -22,6 +22,7 @@ const listener: StreamListener = {
   update: (update) => {
     const transfer = update.added.flatMap(buffersOf);
     transfer.push(update.pages.buffer as ArrayBuffer);
+    for (const { matrices } of update.rows ?? []) transfer.push(matrices.buffer as ArrayBuffer);
     for (const cut of update.cuts ?? []) transfer.push(cut.buffer as ArrayBuffer);
     send({ type: "update", update }, [...new Set(transfer)]);
   },
@@ -57,6 +58,7 @@ scope.onmessage = ({ data }) => {
   if (data.type === "open") void open(data);
   else if (data.type === "views") streamer?.setViews(data.views);
   else if (data.type === "budget") streamer?.setBudget(data.bytes);
+  else if (data.type === "scene") streamer?.setScene(data.scene);
   else if (data.type === "pause") streamer?.setPaused(data.isPaused);
   else if (data.type === "file") void sendFile(data.index, data.isUrgent);
   else streamer?.close();

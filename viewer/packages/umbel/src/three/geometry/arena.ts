@@ -7,8 +7,8 @@ import { Allocator } from "./allocator.js";
 import { clusterEdges } from "./edges.js";
 
 const VERTICES = 1 << 17;
-/** More than closed surfaces have in clusters of 128 triangles. */
-const TRIANGLES_PER_VERTEX = 1.75;
+/** Least and most room for triangles, a vertex: closed surfaces have up to 1.75, boxes 0.5. */
+const TRIANGLES_PER_VERTEX = { low: 0.5, high: 1.75 };
 
 /** The attributes of an arena's vertices. */
 export interface VertexLayout {
@@ -40,13 +40,21 @@ export class Arena {
   private readonly indices: Allocator;
   private readonly contents = new Map<RenderGroup, Allocation>();
   private readonly edgeOffsets = new Map<RenderGroup, Uint32Array>();
+  /** Bytes of its buffers, and of those parts of them that groups use. */
+  readonly capacity: number;
+  used = 0;
+  private readonly vertexBytes: number;
 
+  /** @param trianglesPerVertex that groups are expected to have */
   constructor(
     readonly layout: VertexLayout,
     first: RenderGroup,
+    trianglesPerVertex: number = TRIANGLES_PER_VERTEX.high,
   ) {
     const vertices = Math.max(VERTICES, first.positions.length / 3);
-    const indices = Math.max(3 * Math.ceil(VERTICES * TRIANGLES_PER_VERTEX), first.indices.length);
+    const { low, high } = TRIANGLES_PER_VERTEX;
+    const ratio = Math.min(Math.max(trianglesPerVertex, low), high);
+    const indices = Math.max(3 * Math.ceil(VERTICES * ratio), first.indices.length);
     this.vertices = new Allocator(vertices);
     this.indices = new Allocator(indices);
     const add = (
@@ -66,6 +74,9 @@ export class Arena {
     });
     if (layout.colors) add("color", new Uint16Array(4 * vertices), 4);
     this.geometry.setIndex(dynamic(new BufferAttribute(new Uint32Array(indices), 1)));
+    const arrays = Object.values(this.geometry.attributes).map(({ array }) => array.byteLength);
+    this.vertexBytes = arrays.reduce((sum, bytes) => sum + bytes, 0) / vertices;
+    this.capacity = vertices * this.vertexBytes + 4 * indices;
     // Batch draws; three.js itself draws nothing.
     this.geometry.setDrawRange(0, 0);
   }
@@ -102,6 +113,7 @@ export class Arena {
       indices: (indices.array as Uint32Array).subarray(index, index + group.indices.length),
     };
     empty(group);
+    this.used += this.bytesOf(allocation);
     this.contents.set(group, allocation);
     if (this.edges) this.addEdges(this.edges, group, allocation);
     return allocation;
@@ -112,8 +124,13 @@ export class Arena {
     if (!allocation) return;
     this.vertices.free(allocation.vertex, allocation.vertexCount);
     this.indices.free(allocation.index, allocation.indices.length);
+    this.used -= this.bytesOf(allocation);
     this.contents.delete(group);
     this.edgeOffsets.delete(group);
+  }
+
+  private bytesOf({ vertexCount, indices }: Allocation): number {
+    return vertexCount * this.vertexBytes + indices.byteLength;
   }
 
   get isEmpty(): boolean {

@@ -5,6 +5,7 @@
 
 import {
   type BufferGeometry,
+  type InstancedBufferAttribute,
   LineSegments,
   type Material,
   Mesh,
@@ -54,12 +55,16 @@ export class Ranges {
     this.offsets.set(offsets);
   }
 
-  draw(renderer: WebGLRenderer, mode: "TRIANGLES" | "LINES"): void {
+  /** @param instances number of instances; undefined without instancing */
+  draw(renderer: WebGLRenderer, mode: "TRIANGLES" | "LINES", instances?: number): void {
     if (this.length === 0) return;
     const gl = renderer.getContext() as WebGL2RenderingContext;
     const multi = renderer.extensions.get("WEBGL_multi_draw") as MultiDraw | null;
     const { counts, offsets, length } = this;
-    if (multi)
+    if (instances !== undefined)
+      for (let i = 0; i < length; ++i)
+        gl.drawElementsInstanced(gl[mode], counts[i], gl.UNSIGNED_INT, offsets[i], instances);
+    else if (multi)
       multi.multiDrawElementsWEBGL(gl[mode], counts, 0, gl.UNSIGNED_INT, offsets, 0, length);
     else
       for (let i = 0; i < length; ++i)
@@ -67,17 +72,41 @@ export class Ranges {
   }
 }
 
-function setUp(object: Object3D, ranges: Ranges, mode: "TRIANGLES" | "LINES"): void {
+function setUp(object: Drawn, ranges: Ranges, mode: "TRIANGLES" | "LINES"): void {
   object.frustumCulled = false;
   object.matrixAutoUpdate = false;
-  object.onAfterRender = (renderer) => ranges.draw(renderer, mode);
-  object.onAfterShadow = (renderer) => ranges.draw(renderer as WebGLRenderer, mode);
+  object.onAfterRender = (renderer) => ranges.draw(renderer, mode, object.instances?.count);
+  object.onAfterShadow = (renderer) =>
+    ranges.draw(renderer as WebGLRenderer, mode, object.instances?.count);
   // UmbelMesh casts rays itself.
   object.raycast = () => {};
 }
 
+/** Matrices of instances, which several batches share. */
+export interface InstanceMatrices {
+  attribute: InstancedBufferAttribute;
+  count: number;
+}
+
+interface Drawn extends Object3D {
+  instances?: InstanceMatrices | undefined;
+}
+
+/** Draws an object once for each matrix. three.js knows instanced meshes by these properties. */
+export function setInstances(object: Batch | LineBatch, instances: InstanceMatrices): void {
+  object.instances = instances;
+  Object.assign(object, {
+    isInstancedMesh: true,
+    instanceMatrix: instances.attribute,
+    instanceColor: null,
+    morphTexture: null,
+    count: instances.count,
+  });
+}
+
 export class Batch extends Mesh<BufferGeometry, Material> {
   readonly ranges = new Ranges();
+  instances: InstanceMatrices | undefined;
 
   constructor(geometry: BufferGeometry, material: Material) {
     super(geometry, material);
@@ -87,6 +116,7 @@ export class Batch extends Mesh<BufferGeometry, Material> {
 
 export class LineBatch extends LineSegments<BufferGeometry, Material> {
   readonly ranges = new Ranges();
+  instances: InstanceMatrices | undefined;
 
   constructor(geometry: BufferGeometry, material: Material) {
     super(geometry, material);

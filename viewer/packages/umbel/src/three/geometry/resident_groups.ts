@@ -17,6 +17,9 @@ export interface ResidentGroup {
 }
 
 const MAX_SLOTS = 1 << 22;
+/** Vertices from which the ratio of triangles to vertices is known, and the factor on it. */
+const LEARNED = 1 << 15;
+const ROOM = 1.1;
 
 export class ResidentGroups {
   /** The largest finite error of all groups so far. */
@@ -27,6 +30,9 @@ export class ResidentGroups {
   /** The group of each resident cluster. */
   readonly byCluster = new Map<number, ResidentGroup>();
   private readonly slots = new Allocator(MAX_SLOTS);
+  /** Of all groups so far: their ratio tells how large arenas' parts are best. */
+  private vertices = 0;
+  private triangles = 0;
 
   /**
    * @param onSlots is called with the number of slots in use, at most
@@ -40,6 +46,16 @@ export class ResidentGroups {
     this.layouts = meshes.map(({ attributes }) => layoutOf(attributes));
   }
 
+  /** Bytes of buffers that no group uses, without the emptiest buffer, which is being filled. */
+  get slack(): number {
+    let [bytes, most] = [0, 0];
+    for (const { capacity, used } of this.arenas) {
+      bytes += capacity - used;
+      most = Math.max(most, capacity - used);
+    }
+    return bytes - most;
+  }
+
   get(group: number): ResidentGroup | undefined {
     return this.groups.get(group);
   }
@@ -47,11 +63,15 @@ export class ResidentGroups {
   /** Does nothing where the group is there. */
   add(group: RenderGroup): void {
     if (this.groups.has(group.group)) return;
+    this.vertices += group.positions.length / 3;
+    this.triangles += group.indices.length / 3;
     const slot = this.slots.allocate(group.clusterCount);
     this.onSlots(slot + group.clusterCount);
     let [arena, allocation] = this.allocate(group, slot);
     if (!allocation) {
-      arena = new Arena(this.layouts[group.mesh] as VertexLayout, group);
+      const ratio = (ROOM * this.triangles) / Math.max(this.vertices, 1);
+      const layout = this.layouts[group.mesh] as VertexLayout;
+      arena = this.vertices > LEARNED ? new Arena(layout, group, ratio) : new Arena(layout, group);
       this.arenas.add(arena);
       allocation = arena.put(group, slot);
     }
