@@ -149,9 +149,9 @@ void BlockVertices::count_sides_of(const uint32_t* order, uint32_t n, uint32_t* 
     right[i] = arity;
     for (uint32_t k = 0; k < arity; ++k) {
       const uint32_t before = std::exchange(last[of_item[k]], first + i);
-      const bool is_new = before < first;
-      count += is_new;
-      --right[is_new ? n : before - first];
+      count += before < first;
+      // Of a new one beyond all, as unsigned numbers wrap around.
+      --right[std::min(before - first, n)];
     }
     left[i] = count;
   }

@@ -21,39 +21,30 @@ constexpr uint32_t kMostOwners = 64;
 // Clusters that are connected by one task.
 constexpr size_t kRun = 512;
 
-// The positions of each cluster, each once though several of its vertices may have it.
-struct Positions {
-  std::vector<uint32_t> own, own_offsets;
-  std::span<const uint32_t> all, offsets;
-};
-
-Positions positions_of(const Source& source, const ClusterSet& set) {
-  Positions result;
-  if (!source.has_wedges) {
-    result.all = set.vertices;
-    result.offsets = set.vertex_offsets;
-    return result;
-  }
-  std::vector<uint32_t>& own = result.own;
-  own.reserve(set.vertices.size());
-  result.own_offsets.push_back(0);
-  for (size_t c = 0; c < set.size(); ++c) {
-    const size_t begin = own.size();
-    for (uint32_t v : set.cluster_vertices(c)) own.push_back(source.position_ids[v]);
-    std::sort(own.begin() + begin, own.end());
-    own.erase(std::unique(own.begin() + begin, own.end()), own.end());
-    result.own_offsets.push_back(static_cast<uint32_t>(own.size()));
-  }
-  result.all = result.own;
-  result.offsets = result.own_offsets;
-  return result;
-}
-
 }  // namespace
+
+// The positions of each cluster, each once though several of its vertices may have it.
+Grouper::Positions Grouper::positions_of(const ClusterSet& set) {
+  if (!source_.has_wedges) return {set.vertices, set.vertex_offsets};
+  own_positions_.resize(set.vertices.size());
+  own_offsets_.assign(1, 0);
+  last_owner_.resize(owners_.size(), 0);
+  uint32_t count = 0;
+  for (size_t c = 0; c < set.size(); ++c) {
+    const uint32_t owner = ++owner_stamp_;
+    for (uint32_t v : set.cluster_vertices(c)) {
+      const uint32_t p = source_.position_ids[v];
+      own_positions_[count] = p;
+      count += std::exchange(last_owner_[p], owner) != owner;
+    }
+    own_offsets_.push_back(count);
+  }
+  return {{own_positions_.data(), count}, own_offsets_};
+}
 
 void Grouper::find_shared(const ClusterSet& set) {
   shared_ = {};
-  const Positions positions = positions_of(source_, set);
+  const Positions positions = positions_of(set);
   for (uint32_t p : positions.all) ++owners_[p];
   // `owners_` turns from a count into slot + a flag, and back to 0 at the end.
   constexpr uint32_t kSlotFlag = 0x80000000u;

@@ -49,11 +49,18 @@ class Grouper {
     std::vector<uint32_t> targets;
     std::vector<float> weights;
   };
+  struct Positions {
+    std::span<const uint32_t> all, offsets;  // clusters + 1, into all
+  };
+  Positions positions_of(const ClusterSet& set);
   void find_shared(const ClusterSet& set);
   Run connect(size_t begin, size_t end, std::span<const uint8_t> locked) const;
 
   const Source& source_;
-  std::vector<uint32_t> owners_;  // by position id
+  std::vector<uint32_t> owners_;                       // by position id
+  std::vector<uint32_t> own_positions_, own_offsets_;  // scratch, where there are wedges
+  std::vector<uint32_t> last_owner_;                   // by position id: stamp of a cluster
+  uint32_t owner_stamp_ = 0;
   Shared shared_;
   bool is_prepared_ = false;      // shared_ is that of what is grouped next
   std::vector<uint32_t> locked_;  // positions

@@ -75,12 +75,17 @@ class DoubtfulEdges {
     std::array<uint8_t, 256> number;
     std::iota(number.begin(), number.end(), uint8_t{0});
     if (!has_wedges_) return number;
-    std::array<uint32_t, 256> ids;
-    for (size_t i = 0; i < vertices.size(); ++i) ids[i] = ids_[vertices[i]];
-    for (size_t i = 0; i < vertices.size(); ++i)
-      if (uses_[ids[i]] > 1)
-        number[i] =
-            static_cast<uint8_t>(std::find(ids.begin(), ids.begin() + i, ids[i]) - ids.begin());
+    // Open addressing: the first vertex of a position, one higher.
+    constexpr uint32_t kSlots = 1024;
+    std::array<uint16_t, kSlots> slots{};
+    for (size_t i = 0; i < vertices.size(); ++i) {
+      const uint32_t id = ids_[vertices[i]];
+      if (uses_[id] < 2) continue;
+      uint32_t slot = (id * 0x9e3779b1u) >> 22;
+      while (slots[slot] != 0 && ids_[vertices[slots[slot] - 1]] != id) slot = (slot + 1) % kSlots;
+      if (slots[slot] == 0) slots[slot] = static_cast<uint16_t>(i + 1);
+      number[i] = static_cast<uint8_t>(slots[slot] - 1);
+    }
     return number;
   }
 

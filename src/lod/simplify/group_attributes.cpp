@@ -1,6 +1,8 @@
 #include "lod/simplify/group_attributes.hpp"
 
 #include <algorithm>
+#include <cstring>
+#include <type_traits>
 #include <utility>
 
 namespace umbel::lod {
@@ -52,14 +54,16 @@ std::vector<Influence> influences_of(const Mesh& mesh, std::span<const uint32_t>
 // For each joint its column: those that move most have one of their own.
 std::vector<std::pair<uint32_t, uint32_t>> joint_columns(std::span<const Influence> influences,
                                                          size_t most) {
-  std::vector<Influence> totals(influences.begin(), influences.end());
-  std::stable_sort(totals.begin(), totals.end(),
-                   [](const Influence& a, const Influence& b) { return a.joint < b.joint; });
   std::vector<std::pair<float, uint32_t>> joints;  // how much, which
-  for (const Influence& influence : totals) {
-    if (joints.empty() || joints.back().second != influence.joint)
-      joints.push_back({0.0f, influence.joint});
-    joints.back().first += influence.weight;
+  const auto place_of = [&](uint32_t joint) {
+    return std::lower_bound(joints.begin(), joints.end(), joint,
+                            [](const auto& entry, uint32_t j) { return entry.second < j; });
+  };
+  for (const Influence& influence : influences) {
+    auto at = place_of(influence.joint);
+    if (at == joints.end() || at->second != influence.joint)
+      at = joints.insert(at, {0.0f, influence.joint});
+    at->first += influence.weight;
   }
   std::stable_sort(joints.begin(), joints.end(),
                    [](const auto& a, const auto& b) { return a.first > b.first; });
@@ -83,10 +87,14 @@ void GroupAttributes::gather(std::span<const uint32_t> vertices) {
   values_.assign(count * width, 0.0f);
   float* column = values_.data();
   for (const Stream& stream : streams_) {
-    for (size_t v = 0; v < count; ++v) {
-      const float* const from = stream.values + size_t{stream.stride} * vertices[v];
-      for (uint32_t k = 0; k < stream.count; ++k) column[width * v + k] = from[k];
-    }
+    const auto copy = [&](auto columns) {
+      for (size_t v = 0; v < count; ++v)
+        std::memcpy(column + width * v, stream.values + size_t{stream.stride} * vertices[v],
+                    columns * sizeof(float));
+    };
+    stream.count == 2   ? copy(std::integral_constant<size_t, 2>())
+    : stream.count == 3 ? copy(std::integral_constant<size_t, 3>())
+                        : copy(std::integral_constant<size_t, 4>());
     column += stream.count;
   }
   for (const Influence& influence : skin.influences) {

@@ -23,11 +23,13 @@ void GroupComponents::find() {
     while (of_positions_[p] != p) p = of_positions_[p] = of_positions_[of_positions_[p]];
     return p;
   };
-  for (const Triangle& t : group_.position_triangles())
-    for (int i = 1; i < 3; ++i) {
-      const uint32_t a = root(t[0]), b = root(t[i]);
-      of_positions_[std::max(a, b)] = std::min(a, b);
+  for (const Triangle& t : group_.position_triangles()) {
+    uint32_t lowest = root(t[0]);
+    for (const uint32_t other : {root(t[1]), root(t[2])}) {
+      of_positions_[std::max(lowest, other)] = std::min(lowest, other);
+      lowest = std::min(lowest, other);
     }
+  }
   // Roots are the lowest of their component, so one pass numbers all.
   components_.clear();
   for (uint32_t p = 0; p < of_positions_.size(); ++p) {

@@ -64,6 +64,7 @@ void CollapseCosts::build() {
   largest_ = largest_of_attributes_ = largest_attribute_loss_ = 0.0f;
   displacements_.assign(count, 0.0f);
   slots_.resize(count);
+  next_slots_.resize(count);
   quadrics_.assign(count, Quadric{});
   for (size_t t = 0; t < mesh_.input().triangles.size(); t += 4) add_planes(t);
   for (uint32_t p = 0; p < count; ++p) {
@@ -131,23 +132,30 @@ void CollapseCosts::add_boundary_quadrics(uint32_t p) {
     quadrics_[p].weight += weighted;
   };
   const auto link = mesh_.link(p);
+  const auto& position_of = mesh_.input().position_of;
+  // Around a manifold position each neighbour comes next once at most, and before once.
+  const bool is_manifold = mesh_.kind(p) != Kind::kNonManifold;
+  if (is_manifold) find_slots(p);
+  const auto corner_before = [&](uint32_t x) {
+    if (is_manifold) return is_before(p, x) ? mesh_.corner(p, slots_[x]) : kNone;
+    for (size_t i = 0; i < link.size(); ++i)
+      if (link[i].prev == x) return mesh_.corner(p, i);
+    return kNone;
+  };
   const auto count = [&](uint32_t x, uint32_t LinkEdge::* side) {
     return std::count_if(link.begin(), link.end(), [&](const LinkEdge& e) { return e.*side == x; });
   };
-  const auto& position_of = mesh_.input().position_of;
-  const bool is_closed = mesh_.kind(p) == Kind::kInterior;  // two triangles at every edge
-  if (is_closed) find_slots(p);
   for (size_t i = 0; i < link.size(); ++i) {
     const auto [n, q] = link[i];
     const uint32_t c = mesh_.corner(p, i);
-    const auto after = is_closed ? 1 : count(n, &LinkEdge::next);
-    const auto before = is_closed ? 1 : count(n, &LinkEdge::prev);
-    if (!is_closed && count(q, &LinkEdge::next) != count(q, &LinkEdge::prev))
+    if (is_manifold ? !is_next(p, q) : count(q, &LinkEdge::next) != count(q, &LinkEdge::prev))
       add(c, q, kBorderWeight);
+    const auto after = is_manifold ? 1 : count(n, &LinkEdge::next);
+    const auto before = is_manifold ? is_before(p, n) : count(n, &LinkEdge::prev);
     if (after != before) {
       add(c, n, kBorderWeight);
     } else if (after == 1) {
-      const uint32_t opposite = is_closed ? mesh_.corner(p, slots_[n]) : corner_before(p, n);
+      const uint32_t opposite = corner_before(n);
       const uint32_t here = mesh_.vertex(opposite);
       const uint32_t there = mesh_.vertex(previous_corner(opposite));
       if (!mesh_.same_material(here, mesh_.vertex(c)) ||
@@ -162,18 +170,14 @@ void CollapseCosts::add_boundary_quadrics(uint32_t p) {
   }
 }
 
-// Of an interior position, whose neighbours each come before it in one triangle.
+// Of a manifold position, whose neighbours each come before it in one triangle at most, and after
+// it too.
 void CollapseCosts::find_slots(uint32_t p) {
   const auto link = mesh_.link(p);
-  for (uint32_t i = 0; i < link.size(); ++i) slots_[link[i].prev] = i;
-}
-
-// The corner at p of the triangle in which q comes before p, or kNone.
-uint32_t CollapseCosts::corner_before(uint32_t p, uint32_t q) const {
-  const auto link = mesh_.link(p);
-  for (size_t i = 0; i < link.size(); ++i)
-    if (link[i].prev == q) return mesh_.corner(p, i);
-  return kNone;
+  for (uint32_t i = 0; i < link.size(); ++i) {
+    slots_[link[i].prev] = i;
+    next_slots_[link[i].next] = i;
+  }
 }
 
 CollapseCosts::Choice CollapseCosts::cheapest(uint32_t p) {
@@ -233,11 +237,17 @@ CollapseCosts::Choice CollapseCosts::cheapest_with_attributes(uint32_t p) {
 }
 
 void CollapseCosts::list_moves(uint32_t p) {
+  const auto link = mesh_.link(p);
+  Move* const room = room_for_moves(2 * link.size());
   size_t count = 0;
-  Move* const room = room_for_moves(2 * mesh_.rings().size(p));
-  mesh_.for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
-    room[count++] = {0.0f, target, c, after};
-  });
+  if (mesh_.kind(p) == Kind::kInterior) {
+    for (; count < link.size(); ++count)
+      room[count] = {0.0f, link[count].next, mesh_.corner(p, count), true};
+  } else {
+    mesh_.for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
+      room[count++] = {0.0f, target, c, after};
+    });
+  }
   moves_ = {room, count};
 }
 
@@ -259,7 +269,8 @@ CollapseCosts::Choice CollapseCosts::cheapest_of_moves(uint32_t p) {
 // The same where p has several vertices inside the surface. Both triangles at each edge are known,
 // and a move is left as soon as some of its vertices cost too much.
 CollapseCosts::Choice CollapseCosts::cheapest_of_wedges(uint32_t p) {
-  find_slots(p);
+  const auto link = mesh_.link(p);
+  for (uint32_t i = 0; i < link.size(); ++i) slots_[link[i].prev] = i;
   const float factor = quadrics_[p].weight * quadrics_[p].scale;
   Choice best{std::numeric_limits<float>::infinity(), kNone};
   for (const Move& move : moves_) {

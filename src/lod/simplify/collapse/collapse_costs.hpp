@@ -78,8 +78,15 @@ class CollapseCosts {
 
   void add_planes(size_t first);
   void add_boundary_quadrics(uint32_t p);
-  uint32_t corner_before(uint32_t p, uint32_t q) const;
   void find_slots(uint32_t p);
+  bool is_before(uint32_t p, uint32_t x) const {
+    const auto link = mesh_.link(p);
+    return slots_[x] < link.size() && link[slots_[x]].prev == x;
+  }
+  bool is_next(uint32_t p, uint32_t x) const {
+    const auto link = mesh_.link(p);
+    return next_slots_[x] < link.size() && link[next_slots_[x]].next == x;
+  }
   void list_moves(uint32_t p);
   Move* room_for_moves(size_t most);
   Choice cheapest_position(uint32_t p) const;
@@ -94,8 +101,9 @@ class CollapseCosts {
   std::vector<Quadric> quadrics_;     // of positions; scale: from cost to rank
   std::vector<float> displacements_;  // of positions: how far vertices that ended there have moved
   std::vector<Move> room_;
-  std::span<Move> moves_;        // in room_, of the last position
-  std::vector<uint32_t> slots_;  // of positions around the last one: where it comes before
+  std::span<Move> moves_;  // in room_, of the last position
+  // Of positions around the last one: where they come before it and after it. Stale elsewhere.
+  std::vector<uint32_t> slots_, next_slots_;
   double area_ = 0.0;
   float largest_ = 0.0f, largest_of_attributes_ = 0.0f;  // squared distances
   float largest_attribute_loss_ = 0.0f;

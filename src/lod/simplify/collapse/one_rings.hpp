@@ -129,13 +129,14 @@ inline void OneRings::rename(uint32_t at, uint32_t p, uint32_t target) {
   const Ring r = rings_[at];
   uint32_t* const words = &edges_[r.offset].next;
   const Word4 from{p, p, p, p}, to{target, target, target, target};
-  for (uint32_t i = 0; i < 2 * r.count; i += 4) {
-    Word4 word;
-    memcpy(&word, words + i, sizeof word);
-    const Word4 is_p = word == from;
-    word = (word & ~is_p) | (to & is_p);
-    memcpy(words + i, &word, sizeof word);
-  }
+  for (uint32_t i = 0; i < 2 * r.count; i += 2 * kBlock)
+    for (uint32_t k = i; k < i + 2 * kBlock; k += 4) {
+      Word4 word;
+      memcpy(&word, words + k, sizeof word);
+      const Word4 is_p = word == from;
+      word = (word & ~is_p) | (to & is_p);
+      memcpy(words + k, &word, sizeof word);
+    }
 }
 
 // From the ring of a third corner at the edge.
