@@ -64,19 +64,23 @@ void AttributeQuadrics::add_triangle(const CollapseInput& input, const Triangle&
   const Float4 vx = splat(gv.x), vy = splat(gv.y), vz = splat(gv.z);
   const Float4 weight = splat(area);
   Float4 xx = splat(0.0f), yy = xx, zz = xx, xy = xx, xz = xx, yz = xx;
-  for (uint32_t k = 0; k < stride_; k += 4) {
-    const Float4 s0 = load4(values_of(t[0]) + k);
-    const Float4 s1 = load4(values_of(t[1]) + k) - s0;
-    const Float4 s2 = load4(values_of(t[2]) + k) - s0;
+  // Stores of four floats may change any member, as far as the compiler knows.
+  const uint32_t stride = stride_;
+  const std::array<const float*, 3> values{values_of(t[0]), values_of(t[1]), values_of(t[2])};
+  const std::array<float*, 3> gradients{gradients_of(t[0]), gradients_of(t[1]), gradients_of(t[2])};
+  for (uint32_t k = 0; k < stride; k += 4) {
+    const Float4 s0 = load4(values[0] + k);
+    const Float4 s1 = load4(values[1] + k) - s0;
+    const Float4 s2 = load4(values[2] + k) - s0;
     const Float4 x = ux * s1 + vx * s2, y = uy * s1 + vy * s2, z = uz * s1 + vz * s2;
     const Float4 wx = weight * x, wy = weight * y, wz = weight * z;
     xx = xx + wx * x, yy = yy + wy * y, zz = zz + wz * z;
     xy = xy + wx * y, xz = xz + wx * z, yz = yz + wy * z;
-    for (uint32_t v : t) {
-      float* out = gradients_of(v) + k;
+    for (float* const of_vertex : gradients) {
+      float* const out = of_vertex + k;
       store4(out, load4(out) + wx);
-      store4(out + stride_, load4(out + stride_) + wy);
-      store4(out + 2 * stride_, load4(out + 2 * stride_) + wz);
+      store4(out + stride, load4(out + stride) + wy);
+      store4(out + 2 * stride, load4(out + 2 * stride) + wz);
     }
   }
   // All else in the quadric is 0.
@@ -165,13 +169,17 @@ void AttributeQuadrics::merge(uint32_t from, uint32_t to, const Vec3& d, float c
   add_moved(sum, q, d, cost);
   const float *a = values_of(from), *b = values_of(to), *g = gradients_of(from);
   float* out = gradients_of(to);
+  Vec3 linear{sum.x, sum.y, sum.z};
+  const float weight = q.weight;
+  const uint32_t stride = stride_;
   for (uint32_t k = 0; k < count_; ++k) {
     const float difference = b[k] - a[k];
-    const float x = g[k], y = g[stride_ + k], z = g[2 * stride_ + k], mean = g[3 * stride_ + k];
-    sum.x -= difference * x, sum.y -= difference * y, sum.z -= difference * z;
-    out[k] += x, out[stride_ + k] += y, out[2 * stride_ + k] += z;
-    out[3 * stride_ + k] += mean + x * d.x + y * d.y + z * d.z - q.weight * difference;
+    const float x = g[k], y = g[stride + k], z = g[2 * stride + k], mean = g[3 * stride + k];
+    linear.x -= difference * x, linear.y -= difference * y, linear.z -= difference * z;
+    out[k] += x, out[stride + k] += y, out[2 * stride + k] += z;
+    out[3 * stride + k] += mean + x * d.x + y * d.y + z * d.z - weight * difference;
   }
+  sum.x = linear.x, sum.y = linear.y, sum.z = linear.z;
 }
 
 // The sum of squared differences is least where its derivative by the value is 0.

@@ -106,9 +106,10 @@ void CollapseCosts::add_planes(size_t first) {
   transpose(low[0], low[1], low[2], low[3]);
   transpose(high[0], high[1], high[2], high[3]);
   // All else in the quadric of a plane through its origin is 0.
+  Quadric* const quadrics = quadrics_.data();
   for (size_t i = 0; i < count; ++i)
     for (uint32_t v : four[i]) {
-      Quadric& q = quadrics_[v];
+      Quadric& q = quadrics[v];
       store4(&q.xx, load4(&q.xx) + low[i]);
       store4(&q.xz, load4(&q.xz) + high[i]);
     }
