@@ -13,6 +13,7 @@ import umbel
 from umbel.scale.build_asset import build_asset
 from umbel.scale.executor import InProcess, Result, Task
 from umbel.scale.storage import scratch
+from umbel.testing import giant
 
 fsspec = pytest.importorskip("fsspec")
 
@@ -90,6 +91,28 @@ def test_driver_starts_again(
     assert names(bucket) == ["/bucket/scan.umbel"]
     # What was stored is not built again; of the last, nobody may have heard.
     assert not set(first.done) & set(second.done)
+
+
+@pytest.mark.parametrize("after", [-1, 5])
+def test_leaves_at_addresses(bucket: Any, tmp_path: Path, after: int) -> None:
+    """Those that are enlarged need to know where others are, a driver that starts again too."""
+    mesh = giant.foliage(12_000)
+    giant.write(mesh, tmp_path / "leaves.ply")
+    build_asset(tmp_path / "leaves.ply", tmp_path / "a.umbel", unit_triangles=UNIT, workers=1)
+    bucket.pipe("/bucket/leaves.ply", (tmp_path / "leaves.ply").read_bytes())
+    options: dict[str, Any] = {"work": WORK, "unit_triangles": UNIT}
+    if after > 0:
+        with pytest.raises(KeyboardInterrupt):
+            build_asset("memory://bucket/leaves.ply", OUTPUT, executor=Stops(after), **options)
+        assert any(name.endswith("t0/taken") for name in names(bucket))
+        shutil.rmtree(tmp_path / "temporary")
+        (tmp_path / "temporary").mkdir()
+    last = Stops(-1)
+    report = build_asset(
+        "memory://bucket/leaves.ply", OUTPUT, executor=last, resume=after > 0, **options
+    )
+    assert report["groups_by_reason"]["sloppy"]["area lost"] > 0
+    assert bucket.cat("/bucket/scan.umbel") == (tmp_path / "a.umbel").read_bytes()
 
 
 def test_damaged_input_of_a_unit_is_noticed(bucket: Any) -> None:
