@@ -21,7 +21,7 @@ PACKAGE := $(shell find CMakeLists.txt pyproject.toml LICENSE $(wildcard README.
              src python -not -path '*/__pycache__*' -not -path '*/.*' 2>/dev/null)
 
 .PHONY: help setup tools build test test-cpp test-python test-viewer test-install test-asan test-tsan \
-        fuzz cuda simt gpu gpu-check gpu-carry vulkan demo lint format bench clean
+        fuzz cuda simt gpu gpu-check gpu-paths gpu-carry vulkan demo lint format bench clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## */\t/' | expand -t 16
@@ -77,6 +77,9 @@ gpu:  ## on a machine with a GPU: tests and measures; see scripts/gpu.sh
 
 gpu-check:  ## on a machine with a GPU: sanitizers, and arrays of Python's packages
 	@scripts/gpu.sh check
+
+gpu-paths:  ## on a machine with a GPU: pictures by path tracing; again for the scenes that are left
+	@scripts/gpu.sh paths
 
 gpu-carry: build  ## what `make gpu` needs on a machine without a network, into build/gpu-carry
 	@scripts/gpu_carry.sh

@@ -12,7 +12,9 @@
 //     Stages no_stages() const;  // ignores what it is called with
 //     /// Medians of what passes up to each call of `stage` in work(stage).
 //     template <typename Work> std::vector<StageTime> time_stages(const Work& work, int runs);
-//     template <typename T> T read(const T* value);
+//     /// Milliseconds of work().
+//     template <typename Work> double time_once(const Work& work);
+//     template <typename T> T read(const T* value);  // once all work before is done
 //   };
 #pragma once
 
@@ -26,6 +28,7 @@
 #include "cuda/run.hpp"
 #include "mesh_reader.hpp"
 #include "picture_rays.hpp"
+#include "stage_time.hpp"
 #include "timing.hpp"
 #include "umbel/cuda_trace.hpp"
 #include "umbel/triangle_bvh.hpp"
@@ -34,11 +37,6 @@ namespace bench {
 
 namespace cuda = umbel::cuda;
 namespace bvh = umbel::bvh;
-
-struct StageTime {
-  std::string name;
-  double milliseconds;
-};
 
 template <typename Backend>
 class BuilderComparison {

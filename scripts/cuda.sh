@@ -57,4 +57,5 @@ if ! "${configure[@]}" -DUMBEL_CUDA=ON -DUMBEL_BUILD_TESTS=ON -DUMBEL_BUILD_BENC
   fail "CMake failed; the log is $log"
 fi
 grep -E '^-- CUDA [0-9]' "$log"
-cmake --build "$build" --target umbel_cuda umbel_cuda_c umbel_cuda_tests cuda_frame_example cuda_bench cuda_bvh_bench cuda_query_bench
+cmake --build "$build" --target umbel_cuda umbel_cuda_c umbel_cuda_tests cuda_frame_example cuda_bench cuda_bvh_bench \
+  cuda_paths_bench cuda_query_bench

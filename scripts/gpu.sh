@@ -1,13 +1,20 @@
 #!/usr/bin/env bash
-# What `make gpu` and `make gpu-check` do, on a machine with a GPU and without a network.
+# What `make gpu`, `make gpu-check` and `make gpu-paths` do, on a machine with a GPU and without a
+# network.
 #
-#   scripts/gpu.sh measure    tests, the smallest first; then benchmarks, and a profile
-#   scripts/gpu.sh check      the small tests under compute-sanitizer, and arrays of Python's packages
+#   scripts/gpu.sh measure            tests, the smallest first; then benchmarks, and a profile
+#   scripts/gpu.sh check              the small tests under compute-sanitizer, and arrays of Python's
+#                                     packages
+#   scripts/gpu.sh paths [SCENE...]   pictures by path tracing through the trees of all builders
 #
-# Each is one call of at most UMBEL_GPU_SECONDS (480). Every step has a log, a time limit, and an
-# outcome of its own: passed, failed, out of time, or skipped; what one does stops no other. After
-# every step bench/results/gpu-DEVICE*.md and the logs are packed into gpu-results.tar.gz in $OUT, if
-# there is such a folder.
+# Each is one call of at most UMBEL_GPU_SECONDS (480; of `paths` 570). Every step has a log, a time
+# limit, and an outcome of its own: passed, failed, out of time, or skipped; what one does stops no
+# other. After every step bench/results/gpu-DEVICE* and the logs are packed into gpu-results.tar.gz in
+# $OUT, if there is such a folder.
+#
+# `paths` has a step for each scene, leaves out those whose results are in
+# bench/results/gpu-DEVICE-paths, and starts none without time: call it again for the rest, with what
+# came back unpacked where it was.
 #
 # Programs come from build/gpu-carry/carried.tar.gz, which `make gpu-carry` fills on another machine, so that
 # nothing is built here; without it they are built for this GPU, which needs nvcc, CMake and ninja.
@@ -17,14 +24,15 @@ cd "$(dirname "$0")/.."
 mode=${1:-measure}
 carry=${UMBEL_GPU_CARRY:-$PWD/build/gpu-carry}
 results_folder=${UMBEL_GPU_RESULTS:-bench/results}
-seconds=${UMBEL_GPU_SECONDS:-480}
 started=$SECONDS
 
 fail() {
   printf 'gpu: %s\n' "$*" >&2
   exit 1
 }
-[[ $mode == measure || $mode == check ]] || fail "measure or check, not $mode"
+[[ $mode == measure || $mode == check || $mode == paths ]] ||
+  fail "measure, check or paths, not $mode"
+seconds=${UMBEL_GPU_SECONDS:-$([[ $mode == paths ]] && echo 570 || echo 480)}
 [[ $(nvidia-smi -L 2>/dev/null) == *GPU* ]] ||
   fail "there is no NVIDIA GPU here (nvidia-smi lists none); \`make cuda\` builds without one"
 device=$(nvidia-smi --query-gpu=name --format=csv,noheader -i 0)
@@ -95,10 +103,19 @@ if [[ ! -x $tests ]]; then
   library=build/release/libumbel_cuda_c.so
 fi
 
+python=${PYTHON:-python3}
+scenes=$carry/scenes
+has_scenes() { [[ -f $scenes/scenes.json ]] && "$python" -c 'import numpy' >/dev/null 2>&1; }
+device_paths() { PYTHONPATH=python "$python" -B bench/device_paths.py "$@"; }
+
 meshes=()
-for mesh in "$carry"/dragon_871k.ply "$carry"/conference_331k.ply "${MESH:-}"; do
-  [[ -n $mesh && -f $mesh ]] && meshes+=("$mesh")
-done
+if [[ $mode == measure ]]; then
+  for name in dragon_871k conference_331k; do
+    mesh=$logs/$name.ply
+    has_scenes && device_paths unpack "$scenes" "$name" "$mesh" && meshes+=("$mesh")
+  done
+  [[ -n ${MESH:-} && -f $MESH ]] && meshes+=("$MESH")
+fi
 small='ExecOnDevice.*:TeamsOnDevice.*:BuildersSmallOnDevice.*:*OnDevice.c_gives*:OnDevice.*'
 
 # Tables and charts of hierarchies need Python; what was measured is kept without it.
@@ -118,7 +135,7 @@ measure() {
     step hierarchies 120 bash -c '"$0" --runs 10 --large 16 "${@:2}" >"$1"' \
       "$bin/cuda_bvh_bench" "$results-bvh.json" "${meshes[@]}" && step tables 20 "$tables_in_shell"
   else
-    skip hierarchies "there is no mesh in $carry"
+    skip hierarchies "there are no scenes in $carry, or no NumPy"
   fi
   if command -v nsys >/dev/null 2>&1 && ((${#meshes[@]} > 0)); then
     step profile 60 nsys profile --stats=true --force-overwrite=true -o "$logs/profile" \
@@ -141,13 +158,42 @@ check() {
     fi
   done
   # umbel.cuda needs nothing that is compiled but the library, so it runs from the sources.
-  if "${PYTHON:-python3}" -c 'import numpy, pytest' >/dev/null 2>&1; then
-    PYTHONPATH=python UMBEL_CUDA_LIBRARY=$library step python 120 "${PYTHON:-python3}" -m pytest \
+  if "$python" -c 'import numpy, pytest' >/dev/null 2>&1; then
+    PYTHONPATH=python UMBEL_CUDA_LIBRARY=$library step python 120 "$python" -m pytest \
       --noconftest -p no:cacheprovider tests/python/cuda/test_frame_clusters.py \
       tests/python/cuda/test_rays.py
   else
     skip python "there is no pytest here"
   fi
+}
+
+# A scene gets all the time that is left, and is begun with no less than UMBEL_GPU_LEAST; it begins
+# no pass after three quarters of that. UMBEL_GPU_PATHS are more arguments of the program.
+paths() {
+  local results_of_scenes=$results-paths least=${UMBEL_GPU_LEAST:-90} left=0 name
+  local -a names=("$@") options=()
+  read -ra options <<<"${UMBEL_GPU_PATHS:-}"
+  if ! has_scenes; then
+    skip paths "there are no scenes in $carry, or no NumPy"
+    status=1
+    return
+  fi
+  mkdir -p "$results_of_scenes"
+  if ((${#names[@]} == 0)); then
+    mapfile -t names < <(device_paths missing "$scenes" "$results_of_scenes")
+  fi
+  for name in "${names[@]}"; do
+    left=$((seconds - (SECONDS - started)))
+    if ((left < least)); then
+      skip "paths-$name" "call again"
+      status=1
+      continue
+    fi
+    PYTHONPATH=python step "paths-$name" "$left" "$python" -B bench/device_paths.py run "$scenes" \
+      "$name" "$results_of_scenes/$name.json" "$bin/cuda_paths_bench" --seconds $((left * 3 / 4)) \
+      "${options[@]}"
+  done
+  device_paths report "$results_of_scenes" "$results-paths.md" || status=1
 }
 
 # `timeout` starts programs, not functions.
@@ -157,13 +203,15 @@ tables_in_shell=$logs/tables.sh
 printf '#!/usr/bin/env bash\ntables\n' >"$tables_in_shell"
 chmod +x "$tables_in_shell"
 
-if [[ $mode == measure ]]; then measure; else check; fi
-
-page=$results.md
-if [[ $mode == check ]]; then page=$results-checks.md; fi
+case $mode in
+  measure) page=$results.md ;;
+  check) page=$results-checks.md ;;
+  paths) page=$results-paths-steps.md ;;
+esac
+"$mode" "${@:2}"
 {
   printf '# %s\n\n' "$device"
-  printf '`make gpu%s` of %s, driver %s.\n\n' "$([[ $mode == check ]] && echo -check)" \
+  printf '`make gpu%s` of %s, driver %s.\n\n' "$([[ $mode != measure ]] && echo "-$mode")" \
     "$(git rev-parse --short HEAD 2>/dev/null || echo 'an unknown revision')" \
     "$(nvidia-smi --query-gpu=driver_version --format=csv,noheader -i 0)"
   printf '| step | outcome | seconds |\n|---|---|--:|\n'

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # What `make gpu-carry` does: puts into build/gpu-carry what `make gpu` needs on a machine without a
-# network: the programs, built for compute capability 9.0 (CUDA_ARCHS for others), oneTBB, two meshes,
-# and the sources to build the programs again. Needs a network, or Debian's libgtest-dev and a build
+# network: the programs, built for compute capability 9.0 (CUDA_ARCHS for others), oneTBB, the scenes
+# (and MESH=...), and the sources to build the programs again. Needs a network, or Debian's libgtest-dev and a build
 # of this repository.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -43,19 +43,21 @@ CUDA_ARCHS=${CUDA_ARCHS:-90} scripts/cuda.sh >build/gpu-carry.log 2>&1 ||
   fail "the programs could not be built; the log is build/gpu-carry.log"
 mkdir -p "$carry/bin"
 cp build/release/umbel_cuda_tests build/release/libumbel_cuda_c.so \
-  build/release/bench/{cuda_bench,cuda_bvh_bench,cuda_query_bench,cuda_frame_example} "$carry/bin/"
+  build/release/bench/{cuda_bench,cuda_bvh_bench,cuda_paths_bench,cuda_query_bench,cuda_frame_example} "$carry/bin/"
 strip "$carry"/bin/*
 
 data=${UMBEL_DATA:-../shared/data}
-for mesh in "${MESH:-$data/dragon_871k.ply}" "$data/conference_331k.ply"; do
-  if [[ -f $mesh ]]; then
-    name=$(basename "$mesh")
-    [[ -n ${MESH:-} && $mesh == "$MESH" ]] && name=dragon_871k.ply
-    cp "$mesh" "$carry/$name"
+meshes=()
+for name in sponza_dabrovic_66k.obj sibenik_75k.ply macross_city.glb littlest_tokyo.glb \
+  bench_arch_329k.ply conference_331k.ply dragon_871k.ply head_mri_iso_1437k.ply; do
+  if [[ -f $data/$name ]]; then
+    meshes+=("$data/$name")
   else
-    echo "gpu-carry: there is no $mesh; the benchmarks go without it"
+    echo "gpu-carry: there is no $data/$name; the benchmarks go without it"
   fi
 done
+[[ -n ${MESH:-} ]] && meshes+=("$MESH")
+.venv/bin/python -B bench/device_scenes.py "$carry/scenes" "${meshes[@]}"
 chmod -R u+w "$carry"
 
 # One archive: machine code packs well, and what may travel is often limited.

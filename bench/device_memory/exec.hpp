@@ -47,16 +47,27 @@ class CountingExec : public umbel::CpuExec {
     end();
   }
   template <typename Body>
+  void for_each_layer_team(const uint32_t* counts, uint32_t layers, uint32_t most,
+                           const Body& body) {
+    begin_kernel();
+    for (uint32_t layer = 0; layer < layers && counts[layer] > 0; ++layer)
+      run_teams<typename Body::Shared>(std::min(counts[layer], most),
+                                       [&](const umbel::SerialTeam& team, size_t i, auto& shared) {
+                                         body(team, layer, i, shared);
+                                       });
+    end();
+  }
+  template <typename Body>
   void for_each_team(size_t n, const Body& body) {
     if (n == 0) return;
     begin_kernel();
-    run_teams(n, body);
+    run_teams<typename Body::Shared>(n, body);
     end();
   }
   template <typename Body>
   void for_each_team_of(const uint32_t* count, uint32_t most, const Body& body) {
     begin_kernel();
-    run_teams(std::min(*count, most), body);
+    run_teams<typename Body::Shared>(std::min(*count, most), body);
     end();
   }
   template <typename T, typename Map, typename Op>
@@ -116,9 +127,8 @@ class CountingExec : public umbel::CpuExec {
     }
   }
   /// A team's lanes are one thread here, and no chain.
-  template <typename Body>
+  template <typename Shared, typename Body>
   void run_teams(size_t n, const Body& body) {
-    using Shared = typename Body::Shared;
     const umbel::CpuBuffer<Shared> shared(1);
     pass_over(shared.data(), sizeof(Shared));
     for (size_t i = 0; i < n; ++i) {

@@ -182,6 +182,19 @@ class CpuExec {
                [&, layer](size_t i) { body(layer, i); });
   }
 
+  /// The same with teams of 8 lanes: body(team, layer, i, shared) for i in [0, min(counts[layer],
+  /// most)). See base/team.hpp.
+  template <typename Body>
+  void for_each_layer_team(const uint32_t* counts, uint32_t layers, uint32_t most,
+                           const Body& body) {
+    using Shared = typename Body::Shared;
+    for (uint32_t layer = 0; layer < layers && counts[layer] > 0; ++layer)
+      parallel_chunks(std::min(counts[layer], most), kTeams, [&](size_t begin, size_t end) {
+        const Buffer<Shared> shared(1);
+        for (size_t i = begin; i < end; ++i) body(SerialTeam{}, layer, i, *shared.data());
+      });
+  }
+
   /// For i in [0, n), in any order, what takes many steps, and not equally many:
   ///     Body::State state;
   ///     if (body.begin(i, state)) while (body.step(state)) {}
@@ -201,7 +214,6 @@ class CpuExec {
   template <typename Body>
   void for_each_team(size_t n, const Body& body) {
     using Shared = typename Body::Shared;
-    constexpr size_t kTeams = 16;  // in turn, with the same memory
     parallel_chunks(n, kTeams, [&](size_t begin, size_t end) {
       const Buffer<Shared> shared(1);
       for (size_t i = begin; i < end; ++i) body(SerialTeam{}, i, *shared.data());
@@ -291,6 +303,7 @@ class CpuExec {
  private:
   static constexpr size_t kGrain = 1024;
   static constexpr size_t kWalks = 64;
+  static constexpr size_t kTeams = 16;  // in turn, with the same memory
   static constexpr size_t kChunk = 8192;
 
   static size_t chunks(size_t n) { return (n + kChunk - 1) / kChunk; }

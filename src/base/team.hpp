@@ -1,9 +1,10 @@
 // Teams: lanes that work on one thing together and share a little fast memory. On the processor a
-// team is one thread; on a device it is a warp or a block. An algorithm is written once, for a
+// team is one thread; on a device it is a warp, a block, or (for layers) an eighth of a
+// warp's lanes. An algorithm is written once, for a
 // team of any size:
 //
 //   struct Body {
-//     static constexpr uint32_t kLanes = 32;  // of a device's team: 32, or 64 to 1024
+//     static constexpr uint32_t kLanes = 32;  // of a device's team: 32, or 64 to 1024; of layers 8
 //     struct Shared { ... };                  // memory of the team, without a value at first
 //     template <typename Team>
 //     UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const;

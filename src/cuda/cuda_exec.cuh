@@ -82,6 +82,27 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
+/// The same with teams of 8 lanes.
+template <typename Body>
+__global__ void __launch_bounds__(kThreads)
+    run_team_layers(const uint32_t* counts, uint32_t layers, uint32_t most, Body body) {
+  using Shared = typename Body::Shared;
+  constexpr uint32_t kTeams = kThreads / OctetTeam::kSize;
+  UMBEL_SHARED(unsigned char, shared, kTeams * sizeof(Shared));
+  const uint32_t team = threadIdx.x / OctetTeam::kSize;
+  const auto grid = cooperative_groups::this_grid();
+  for (uint32_t layer = 0; layer < layers; ++layer) {
+    const uint32_t count = __ldcg(counts + layer);
+    if (count == 0) return;  // for all blocks
+    const size_t n = count < most ? count : most;
+    for (size_t i = first_index(n, kTeams, 1, team); i < n; i += size_t(gridDim.x) * kTeams) {
+      body(OctetTeam{}, layer, i, reinterpret_cast<Shared*>(shared)[team]);
+      OctetTeam{}.sync();  // the next one has the same memory
+    }
+    grid.sync();
+  }
+}
+
 /// Persistent threads (Aila & Laine, "Understanding the Efficiency of Ray Traversal on GPUs",
 /// 2009): as soon as kIdle lanes of a warp have nothing to do, they take the next traversals
 /// together.
@@ -225,20 +246,18 @@ class CudaExec {
                       const Body& body) {
     const size_t n = size_t(each) * most;
     if (n == 0 || layers == 0 || arena_.counts()) return;
-    size_t blocks = std::min((n + detail::kThreads - 1) / detail::kThreads,
-                             resident_blocks(detail::run_layers<Body>, detail::kThreads));
-    cudaLaunchAttribute together;
-    together.id = cudaLaunchAttributeCooperative;
-    together.val.cooperative = 1;
-    // What is said of a device does not hold of a part of it, as MPS and green contexts give.
-    cudaError_t result = cudaSuccess;
-    for (;; blocks /= 2) {
-      result = try_launch(&together, detail::run_layers<Body>, blocks, detail::kThreads, counts,
-                          layers, most, each, body);
-      if (result != cudaErrorCooperativeLaunchTooLarge || blocks == 1) break;
-      cudaGetLastError();  // or the next call that asks would see it
-    }
-    check(result, "starting a kernel of layers");
+    launch_together("starting a kernel of layers", detail::run_layers<Body>, n, counts, layers,
+                    most, each, body);
+  }
+
+  template <typename Body>
+  void for_each_layer_team(const uint32_t* counts, uint32_t layers, uint32_t most,
+                           const Body& body) {
+    static_assert(Body::kLanes == OctetTeam::kSize);
+    const size_t n = size_t(Body::kLanes) * most;
+    if (n == 0 || layers == 0 || arena_.counts()) return;
+    launch_together("starting a kernel of teams' layers", detail::run_team_layers<Body>, n, counts,
+                    layers, most, body);
   }
 
   template <typename Body>
@@ -274,7 +293,7 @@ class CudaExec {
   template <typename T, typename Map, typename Op>
   void reduce(size_t n, T init, const Map& map, const Op& op, T* result) {
     const auto indices = thrust::counting_iterator<size_t>(0);
-    with_scratch("reducing", [&](void* scratch, size_t& bytes) {
+    with_scratch("reducing", {n, 0}, [&](void* scratch, size_t& bytes) {
       return cub::DeviceReduce::TransformReduce(scratch, bytes, indices, result, count_of(n),
                                                 detail::Folded<T, Op>{op},
                                                 detail::Mapped<T, Map>{map}, init, stream_);
@@ -285,7 +304,7 @@ class CudaExec {
   void exclusive_scan(size_t n, const In& in, T* out) {
     const auto values = thrust::make_transform_iterator(thrust::counting_iterator<size_t>(0),
                                                         detail::UpTo<T, In>{in, n});
-    with_scratch("scanning", [&](void* scratch, size_t& bytes) {
+    with_scratch("scanning", {n, 0}, [&](void* scratch, size_t& bytes) {
       return cub::DeviceScan::ExclusiveSum(scratch, bytes, values, out, count_of(n + 1), stream_);
     });
   }
@@ -293,7 +312,7 @@ class CudaExec {
   template <typename Keep>
   void select(size_t n, const Keep& keep, uint32_t* out, uint32_t* count) {
     const auto indices = thrust::counting_iterator<uint32_t>(0);
-    with_scratch("selecting", [&](void* scratch, size_t& bytes) {
+    with_scratch("selecting", {n, 0}, [&](void* scratch, size_t& bytes) {
       return cub::DeviceSelect::If(scratch, bytes, indices, out, count, count_of(n),
                                    detail::Kept<Keep>{keep}, stream_);
     });
@@ -313,7 +332,7 @@ class CudaExec {
     const auto other_values = allocate<uint32_t>(n);
     cub::DoubleBuffer<Key> key_buffers(keys, other_keys.data());
     cub::DoubleBuffer<uint32_t> value_buffers(values, other_values.data());
-    with_scratch("sorting", [&](void* scratch, size_t& bytes) {
+    with_scratch("sorting", {n, first_bit << 8 | last_bit}, [&](void* scratch, size_t& bytes) {
       return cub::DeviceRadixSort::SortPairs(scratch, bytes, key_buffers, value_buffers,
                                              count_of(n), int(first_bit), int(last_bit), stream_);
     });
@@ -355,6 +374,25 @@ class CudaExec {
     return cudaLaunchKernelEx(&config, kernel, arguments...);
   }
 
+  /// Blocks that wait for each other, for up to n threads: all of them on the device at a time.
+  template <typename... Parameters, typename... Arguments>
+  void launch_together(const char* what, void (*kernel)(Parameters...), size_t n,
+                       const Arguments&... arguments) {
+    size_t blocks = std::min((n + detail::kThreads - 1) / detail::kThreads,
+                             resident_blocks(kernel, detail::kThreads));
+    cudaLaunchAttribute together;
+    together.id = cudaLaunchAttributeCooperative;
+    together.val.cooperative = 1;
+    // What is said of a device does not hold of a part of it, as MPS and green contexts give.
+    cudaError_t result = cudaSuccess;
+    for (;; blocks /= 2) {
+      result = try_launch(&together, kernel, blocks, detail::kThreads, arguments...);
+      if (result != cudaErrorCooperativeLaunchTooLarge || blocks == 1) break;
+      cudaGetLastError();  // or the next call that asks would see it
+    }
+    check(result, what);
+  }
+
   /// Blocks of a kernel that the device holds at a time.
   template <typename Kernel>
   static size_t resident_blocks(Kernel* kernel, uint32_t threads) {
@@ -367,13 +405,48 @@ class CudaExec {
     return size_t(multiprocessors) * size_t(std::max(each, 1));
   }
 
+  /// What CUB's answer depends on, beside the types of a call and the device.
+  struct CallSize {
+    size_t items;
+    uint32_t bits;
+    bool operator==(const CallSize&) const = default;
+  };
+  /// The last answers to calls of one kind, so that a frame after the first one asks nothing.
+  class Answers {
+   public:
+    template <typename Ask>
+    size_t get(const CallSize& size, const Ask& ask) {
+      int device = 0;
+      check(cudaGetDevice(&device), "asking for the device");
+      for (const Answer& answer : last_)
+        if (answer.device == device && answer.size == size) return answer.bytes;
+      const Answer found{device, size, ask()};
+      last_[next_++ % kKept] = found;
+      return found.bytes;
+    }
+
+   private:
+    static constexpr size_t kKept = 8;
+    struct Answer {
+      int device = -1;
+      CallSize size{};
+      size_t bytes = 0;
+    };
+    Answer last_[kKept];
+    size_t next_ = 0;
+  };
+
   /// Asks CUB for its scratch size, and if anything is to be done, does it.
   template <typename Call>
-  void with_scratch(const char* what, const Call& call) {
-    size_t bytes = 0;
-    check(call(nullptr, bytes), what);
-    // A null pointer would be taken for the question again.
-    const Buffer<unsigned char> scratch(arena_, bytes > 0 ? bytes : 1);
+  void with_scratch(const char* what, const CallSize& size, const Call& call) {
+    thread_local Answers answers;  // of this type of call
+    size_t bytes = answers.get(size, [&] {
+      size_t asked = 0;
+      check(call(nullptr, asked), what);
+      // A null pointer would be taken for the question again.
+      return asked > 0 ? asked : 1;
+    });
+    const Buffer<unsigned char> scratch(arena_, bytes);
     if (!arena_.counts()) check(call(scratch.data(), bytes), what);
   }
 

@@ -1,4 +1,4 @@
-// Teams on a device: a warp, or a block.
+// Teams on a device: a warp, a block, or 8 lanes of a warp.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -18,13 +18,13 @@ namespace umbel::cuda {
 inline constexpr uint32_t kWarp = 32;
 inline constexpr uint32_t kAllLanes = 0xffffffffu;
 
-/// The value of lane `rank ^ mask` of the warp, for any type of whole words.
+/// The value of lane `rank ^ mask` of those lanes of the warp, for any type of whole words.
 template <typename T>
-__device__ inline T shuffle_xor(const T& value, uint32_t mask) {
+__device__ inline T shuffle_xor(const T& value, uint32_t mask, uint32_t lanes = kAllLanes) {
   static_assert(sizeof(T) % sizeof(uint32_t) == 0);
   uint32_t words[sizeof(T) / sizeof(uint32_t)];
   memcpy(words, &value, sizeof(T));
-  for (uint32_t& word : words) word = __shfl_xor_sync(kAllLanes, word, mask);
+  for (uint32_t& word : words) word = __shfl_xor_sync(lanes, word, mask);
   T result;
   memcpy(&result, words, sizeof(T));
   return result;
@@ -65,6 +65,24 @@ struct WarpTeam : DeviceTeam {
   }
   __device__ uint32_t count(bool flag) const { return __popc(ballot(flag)); }
   __device__ uint32_t ballot(bool flag) const { return __ballot_sync(kAllLanes, flag); }
+};
+
+/// 8 lanes of a warp, side by side.
+struct OctetTeam : DeviceTeam {
+  static constexpr uint32_t kSize = 8;
+
+  __device__ static uint32_t size() { return kSize; }
+  __device__ static uint32_t rank() { return threadIdx.x % kSize; }
+  __device__ static uint32_t lanes() { return 0xffu << (threadIdx.x % kWarp / kSize * kSize); }
+  __device__ __forceinline__ void sync() const { __syncwarp(lanes()); }
+
+  template <typename T, typename Op>
+  __device__ T reduce(T value, const Op& op) const {
+    for (uint32_t mask = kSize / 2; mask > 0; mask /= 2)
+      value = op(value, shuffle_xor(value, mask, lanes()));
+    __syncwarp(lanes());
+    return value;
+  }
 };
 
 /// All threads of a block, which are a multiple of a warp.

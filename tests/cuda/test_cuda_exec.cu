@@ -192,6 +192,31 @@ TEST_F(ExecOnDevice, runs_cover_equal_neighbours) {
     run_length<uint64_t>(n);
   }
 }
+#if defined(UMBEL_SIMT)
+TEST_F(ExecOnDevice, cub_is_asked_once_for_each_size) {
+  const auto work = [&](size_t n, uint32_t bits) {
+    const DeviceArray<uint32_t> keys(std::vector<uint32_t>(n, 7)), values(n), sums(n + 1);
+    run([&](CudaExec& exec) {
+      exec.radix_sort_pairs(n, keys.data(), values.data(), 0, bits);
+      exec.exclusive_scan<uint32_t>(n, [k = keys.data()](size_t i) { return k[i]; }, sums.data());
+    });
+  };
+  const auto asked = [&](size_t n, uint32_t bits) {
+    const size_t before = simt::questions;
+    work(n, bits);
+    return simt::questions - before;
+  };
+  for (size_t n = 300; n < 310; ++n) work(n, 8);  // of a test before
+  EXPECT_EQ(asked(100, 8), 2u);
+  EXPECT_EQ(asked(100, 8), 0u);
+  EXPECT_EQ(asked(150, 8), 2u);
+  EXPECT_EQ(asked(150, 9), 1u);  // the sort alone
+  EXPECT_EQ(asked(100, 8), 0u);
+  for (size_t n = 200; n < 220; ++n) EXPECT_EQ(asked(n, 8), 2u);
+  EXPECT_EQ(asked(100, 8), 2u);  // forgotten
+}
+#endif
+
 TEST_F(ExecOnDevice, sort_is_stable_and_by_the_given_bits) {
   for (const size_t n : kSizes) {
     sort<uint32_t>(n, 0, 30);
@@ -334,7 +359,59 @@ void expect_turns_to_be_apart() {
   EXPECT_EQ(out.read(), expected);
 }
 
+/// Each number of a layer makes eight of the next one, a lane one of them, and a fold of what its
+/// lanes know.
+struct OctetTree {
+  static constexpr uint32_t kLanes = 8;
+  struct Shared {
+    uint32_t values[8];
+  };
+  struct Sum {
+    UMBEL_HOST_DEVICE uint32_t operator()(uint32_t a, uint32_t b) const { return a + b; }
+  };
+  uint32_t end;
+  uint32_t* lists[2];
+  uint32_t* counts;
+  uint32_t* folds;  ///< of each number
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, uint32_t layer, size_t index,
+                                    Shared& shared) const {
+    const uint32_t number = lists[layer % 2][index];
+    for (uint32_t lane = team.rank(); lane < 8; lane += team.size())
+      shared.values[lane] = number * 3 + lane;
+    team.sync();
+    uint32_t fold = 0;
+    for (uint32_t lane = team.rank(); lane < 8; lane += team.size())
+      fold += shared.values[7 - lane] * (lane + 1);
+    fold = team.reduce(fold, Sum());
+    if (team.rank() == 0) folds[number] = fold;
+    for (uint32_t lane = team.rank(); lane < 8; lane += team.size()) {
+      const uint32_t next = 8 * number + lane + 1;
+      if (next < end) lists[(layer + 1) % 2][atomic_count(&counts[layer + 1])] = next;
+    }
+  }
+};
+
 class TeamsOnDevice : public OnDevice {};
+
+TEST_F(TeamsOnDevice, eight_lanes_do_what_one_thread_does_layer_by_layer) {
+  constexpr uint32_t kEnd = kEmulated ? 2000 : 1000000, kLayers = 8;
+  std::vector<uint32_t> counts(kLayers + 1, 0), expected(kEnd, 0);
+  counts[0] = 1;
+  for (uint32_t number = 0; number < kEnd; ++number)
+    for (uint32_t lane = 0; lane < 8; ++lane)
+      expected[number] += (number * 3 + 7 - lane) * (lane + 1);
+  const DeviceArray<uint32_t> counts_there(counts), odd(kEnd), folds(kEnd);
+  const DeviceArray<uint32_t> even(std::vector<uint32_t>(kEnd, 0));
+  run([&](CudaExec& exec) {
+    exec.for_each_layer_team(
+        counts_there.data(), kLayers, kEnd,
+        OctetTree{kEnd, {even.data(), odd.data()}, counts_there.data(), folds.data()});
+  });
+  EXPECT_EQ(folds.read(), expected);
+}
+
 TEST_F(TeamsOnDevice, what_follows_waits_for_those_that_still_read) {
   expect_turns_to_be_apart<32>();
   expect_turns_to_be_apart<64>();

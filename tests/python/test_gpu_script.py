@@ -12,7 +12,10 @@ from pathlib import Path
 
 import pytest
 
+import umbel
+
 ROOT = Path(__file__).resolve().parents[2]
+PATHS = ROOT / "build/release/bench/device_paths_bench"
 SMI = """
 case "$*" in
   -L) echo "GPU 0: Stand-in 9" ;;
@@ -34,9 +37,11 @@ def machine(tmp_path: Path):
     names = ("cuda_bench", "cuda_query_bench", "cuda_frame_example", "cuda_bvh_bench")
     programs = {"umbel_cuda_tests": "echo tested"} | {name: f"echo '# {name}'" for name in names}
 
-    def run(mode: str, packed: bool = False, **changed: str) -> tuple[int, str, Path]:
+    def run(
+        mode: str, packed: bool = False, settings: dict[str, str] | None = None, **changed: str
+    ) -> tuple[int, str, Path]:
         carry, out = tmp_path / "carry", tmp_path / "out"
-        out.mkdir()
+        out.mkdir(exist_ok=True)
         for name, body in (programs | changed).items():
             put_program(carry / "bin" / name, body)
         if packed:
@@ -53,6 +58,7 @@ def machine(tmp_path: Path):
             "UMBEL_GPU_LOGS": str(tmp_path / "logs"),
             "UMBEL_GPU_SECONDS": "9",
             "PYTHON": sys.executable,
+            **(settings or {}),
         }
         done = subprocess.run(
             [ROOT / "scripts" / "gpu.sh", mode],
@@ -63,8 +69,11 @@ def machine(tmp_path: Path):
             timeout=60,
         )
         with tarfile.open(out / "gpu-results.tar.gz") as archive:
-            assert any(name.endswith("tests.log") or "check" in mode for name in archive.getnames())
-        page = "gpu-stand-in-9.md" if mode == "measure" else "gpu-stand-in-9-checks.md"
+            assert any(
+                name.endswith("tests.log") or mode != "measure" for name in archive.getnames()
+            )
+        page = {"measure": "", "check": "-checks", "paths": "-paths-steps"}[mode]
+        page = f"gpu-stand-in-9{page}.md"
         return done.returncode, (tmp_path / "results" / page).read_text(), out
 
     return run
@@ -106,6 +115,56 @@ def test_carried_programs_are_unpacked(machine) -> None:
     status, page, _ = machine("measure", packed=True)
     assert status == 0
     assert outcomes(page)["tests"] == "passed"
+
+
+@pytest.fixture
+def scenes(tmp_path: Path) -> Path:
+    """Two scenes, as they are carried."""
+    umbel.save(tmp_path / "ball.ply", umbel.shapes.blob(3))
+    folder = tmp_path / "carry" / "scenes"
+    subprocess.run(
+        [sys.executable, "-B", ROOT / "bench/device_scenes.py", folder, "--plant", "20000",
+         tmp_path / "ball.ply"],
+        check=True,
+    )  # fmt: skip
+    return folder
+
+
+SMALL = {
+    "UMBEL_GPU_SECONDS": "50",
+    "UMBEL_GPU_LEAST": "5",
+    "UMBEL_GPU_PATHS": "--size 32,32 --samples 2 --pass 1 --runs 1 "
+    "--builder sweep --builder lbvh --builder hploc --builder kmeans",
+}
+
+
+@pytest.mark.skipif(not PATHS.is_file(), reason=f"{PATHS.name} is not built")
+def test_pictures_are_traced_scene_by_scene(machine, scenes: Path, tmp_path: Path) -> None:
+    # A scene fails; the others are traced all the same.
+    only_ball = f'[[ "$*" == *ball* ]] || exit 4; exec {PATHS} "$@"'
+    status, page, out = machine("paths", settings=SMALL, cuda_paths_bench=only_ball)
+    assert status == 1
+    assert outcomes(page) == {"paths-ball": "passed", "paths-plant": "failed (1)"}
+    # The next call traces what is missing alone.
+    program = f'exec {PATHS} "$@"'
+    status, page, out = machine("paths", settings=SMALL, cuda_paths_bench=program)
+    assert status == 0
+    assert outcomes(page) == {"paths-plant": "passed"}
+    results = (tmp_path / "results/gpu-stand-in-9-paths.md").read_text()
+    assert "| builder | ball | plant | mean |" in results
+    with tarfile.open(out / "gpu-results.tar.gz") as archive:
+        names = {Path(name).name for name in archive.getnames()}
+    assert {"ball.json", "plant.json", "gpu-stand-in-9-paths.md"} <= names
+    # There is nothing left to do, but what is asked for is done again.
+    status, page, _ = machine("paths", settings=SMALL, cuda_paths_bench=program)
+    assert status == 0 and outcomes(page) == {}
+
+
+def test_no_scene_begins_without_time(machine, scenes: Path) -> None:
+    settings = {**SMALL, "UMBEL_GPU_LEAST": "500"}
+    status, page, _ = machine("paths", settings=settings, cuda_paths_bench="exit 0")
+    assert status == 1
+    assert outcomes(page) == dict.fromkeys(("paths-ball", "paths-plant"), "skipped: call again")
 
 
 def test_tables_need_nothing_but_python(tmp_path: Path) -> None:

@@ -45,24 +45,39 @@ struct CompactTask {
   uint32_t triangle;  ///< where its triangles begin
 };
 
-/// Makes nodes from the top.
+/// Makes nodes from the top, each by a team, of which a lane has a child or a slot.
 struct CompactTop {
+  static constexpr uint32_t kLanes = 8;
+  struct Shared {
+    Subtree ids[8];  ///< of the children
+    CompactBelow below[8];
+    uint32_t counts[8];  ///< items
+    Vec3 away[8];        ///< twice the way from the node's centre to the child's
+  };
+
   CompactLayout layout;
   CompactNode* nodes;
   uint32_t* order;     ///< which item each entry of the leaves is
   uint32_t* any_even;  ///< not 0: there are merges that were laid out evenly
-  CompactTask* next;
-  uint32_t* next_count;
+  CompactTask* lists[2];
+  uint32_t* list_sizes;  ///< of each level
 
-  UMBEL_HOST_DEVICE void operator()(const CompactTask& task, uint32_t level) const {
-    if (task.merge == CompactTask::kEven) return make_even(task);
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, uint32_t level, size_t index,
+                                    Shared& shared) const {
+    const CompactTask task = lists[level % 2][index];
+    if (task.merge == CompactTask::kEven) {
+      if (team.rank() == 0) make_even(task, level);
+      return;
+    }
     const CompactBelow whole = layout.sums.below[task.merge];
+    if (!whole.is_tall()) return make(team, task, whole, level, shared);
     // Of the room below it, something may be left over.
-    if (whole.is_tall()) clear_below(task, whole);
-    if (whole.is_tall() && level == CompactBelow::kEvenLevel)
-      begin_even(task);
-    else
-      make(task, whole);
+    for (uint32_t i = team.rank(); i + 1 < whole.nodes(); i += team.size())
+      nodes[task.below + i] = CompactNode{};
+    if (level != CompactBelow::kEvenLevel) return make(team, task, whole, level, shared);
+    team.sync();  // all have read what it is
+    if (team.rank() == 0) begin_even(task, level);
   }
   /// The only node, where all is in one leaf.
   UMBEL_HOST_DEVICE void make_only(Subtree root) const {
@@ -73,26 +88,30 @@ struct CompactTop {
   }
 
  private:
-  UMBEL_HOST_DEVICE void push(const CompactTask& task) const {
-    next[atomic_count(next_count)] = task;
+  UMBEL_HOST_DEVICE void push(uint32_t level, const CompactTask& task) const {
+    lists[(level + 1) % 2][atomic_count(&list_sizes[level + 1])] = task;
   }
 
-  UMBEL_HOST_DEVICE void make(const CompactTask& task, const CompactBelow& whole) const {
-    Subtree children[8] = {whole.left, whole.right};
-    CompactBelow of_child[8] = {layout.sums.look(whole.left), layout.sums.look(whole.right)};
-    const uint32_t count = layout.sums.open(children, of_child);
+  template <typename Team>
+  UMBEL_HOST_DEVICE void make(const Team& team, const CompactTask& task, const CompactBelow& whole,
+                              uint32_t level, Shared& shared) const {
+    const uint32_t count = open(team, whole, shared);
     uint32_t used = 0;  // slots, as bits
-    const uint32_t child_in = choose_slots(task.merge, children, count, used);
+    const uint32_t child_in = choose_slots(team, task.merge, count, shared, used);
     CompactNode node{};
     node.first_child = task.below;
     node.first_triangle = task.triangle;
+    // Every lane counts in all slots, and does what is to be done in its own.
+    const auto is_own = [&](uint32_t slot) { return slot % team.size() == team.rank(); };
     uint32_t triangle = task.triangle, inner = 0;
+    UMBEL_UNROLL
     for (uint32_t slot = 0; slot < 8; ++slot) {
       if ((used >> slot & 1) == 0) continue;
       const uint32_t k = child_in >> 4 * slot & 7;
-      if (of_child[k].is_leaf()) {
-        node.meta[slot] = static_cast<uint8_t>(layout.count(children[k]));
-        triangle = write_leaf(children[k], triangle);
+      if (shared.below[k].is_leaf()) {
+        node.meta[slot] = static_cast<uint8_t>(shared.counts[k]);
+        if (is_own(slot)) write_leaf(shared.ids[k], triangle);
+        triangle += shared.counts[k];
       } else {
         node.meta[slot] = CompactNode::kInner;
         node.inner |= static_cast<uint8_t>(1u << slot);
@@ -103,26 +122,103 @@ struct CompactTop {
     for (uint32_t slot = 0; slot < 8; ++slot) {
       if ((node.inner >> slot & 1) == 0) continue;
       const uint32_t k = child_in >> 4 * slot & 7;
-      push({children[k].index(), 0, next++, below, triangle});
-      below += of_child[k].nodes() - 1;
-      triangle += layout.count(children[k]);
+      if (is_own(slot)) push(level, {shared.ids[k].index(), 0, next, below, triangle});
+      ++next;
+      below += shared.below[k].nodes() - 1;
+      triangle += shared.counts[k];
     }
-    nodes[task.node] = node;
+    if (team.rank() == 0) nodes[task.node] = node;
   }
 
-  UMBEL_HOST_DEVICE void clear_below(const CompactTask& task, const CompactBelow& whole) const {
-    for (uint32_t i = 0; i + 1 < whole.nodes(); ++i) nodes[task.below + i] = CompactNode{};
+  /// Finds the children of a node as CompactSums::open() does. Returns how many there are.
+  template <typename Team>
+  UMBEL_HOST_DEVICE uint32_t open(const Team& team, const CompactBelow& whole,
+                                  Shared& shared) const {
+    const auto put = [&](uint32_t left_at, uint32_t right_at, const CompactBelow& opened) {
+      for (uint32_t side = team.rank(); side < 2; side += team.size()) {
+        const Subtree child = side == 0 ? opened.left : opened.right;
+        shared.ids[side == 0 ? left_at : right_at] = child;
+        shared.below[side == 0 ? left_at : right_at] = layout.sums.look(child);
+      }
+      team.sync();
+    };
+    put(0, 1, whole);
+    uint32_t count = 2;
+    for (; count < 8; ++count) {
+      Largest largest;
+      for (uint32_t i = team.rank(); i < count; i += team.size())
+        largest = Largest::of(largest, {shared.below[i].area, i});
+      largest = team.reduce(largest, OfLargest{});
+      if (!(largest.value >= 0)) break;
+      const CompactBelow opened = shared.below[largest.place];
+      team.sync();  // all have read it
+      put(largest.place, count, opened);
+    }
+    return count;
   }
 
-  UMBEL_HOST_DEVICE void begin_even(CompactTask task) const {
+  /// A number and where it is; of equal ones the first place counts.
+  struct Largest {
+    static constexpr float kNone = -3e38f;  // no area, and less than any sum of coordinates
+
+    float value = kNone;
+    uint32_t place = 0xffffffffu;
+
+    UMBEL_HOST_DEVICE static Largest of(const Largest& a, const Largest& b) {
+      return b.value > a.value || (b.value == a.value && b.place < a.place) ? b : a;
+    }
+  };
+  struct OfLargest {
+    UMBEL_HOST_DEVICE Largest operator()(const Largest& a, const Largest& b) const {
+      return Largest::of(a, b);
+    }
+  };
+
+  /// Gives each child the slot of the corner that it lies towards, the clearest first. Returns the
+  /// child of each slot that is used, four bits a slot.
+  template <typename Team>
+  UMBEL_HOST_DEVICE uint32_t choose_slots(const Team& team, uint32_t merge, uint32_t count,
+                                          Shared& shared, uint32_t& used) const {
+    const Aabb& whole = layout.tree.merges[merge].box;
+    const Vec3 center = whole.min + whole.max;
+    for (uint32_t i = team.rank(); i < count; i += team.size()) {
+      const Aabb& box = layout.box(shared.ids[i]);
+      shared.away[i] = box.min + box.max - center;
+      shared.counts[i] = layout.count(shared.ids[i]);
+    }
+    team.sync();
+    uint32_t placed = 0, child_in = 0;
+    for (uint32_t round = 0; round < count; ++round) {
+      Largest best;
+      for (uint32_t i = team.rank(); i < count; i += team.size()) {
+        if (placed >> i & 1) continue;
+        const Vec3 away = shared.away[i];
+        UMBEL_UNROLL
+        for (uint32_t slot = 0; slot < 8; ++slot) {
+          if (used >> slot & 1) continue;
+          const float towards = (slot & 1 ? away.x : -away.x) + (slot & 2 ? away.y : -away.y) +
+                                (slot & 4 ? away.z : -away.z);
+          best = Largest::of(best, {towards, 8 * i + slot});
+        }
+      }
+      best = team.reduce(best, OfLargest{});
+      const uint32_t child = best.place / 8, slot = best.place % 8;
+      placed |= 1u << child;
+      used |= 1u << slot;
+      child_in |= child << 4 * slot;
+    }
+    return child_in;
+  }
+
+  UMBEL_HOST_DEVICE void begin_even(CompactTask task, uint32_t level) const {
     CompactBelow& even = layout.sums.below[task.merge];
     even.area = CompactBelow::kEven;
     even.packed = task.triangle;
     *any_even = 1;
     task.items = layout.tree.merges[task.merge].count;
-    make_even(task);
+    make_even(task, level);
   }
-  UMBEL_HOST_DEVICE void make_even(const CompactTask& task) const {
+  UMBEL_HOST_DEVICE void make_even(const CompactTask& task, uint32_t level) const {
     const uint32_t part = EvenSubtree::part(task.items);
     const uint32_t count = (task.items + part - 1) / part;
     const uint32_t last = task.items - (count - 1) * part;
@@ -139,45 +235,11 @@ struct CompactTop {
     uint32_t below = task.below + inner;
     for (uint32_t slot = 0; slot < inner; ++slot) {
       const uint32_t size = slot + 1 < count ? part : last;
-      push({CompactTask::kEven, size, task.below + slot, below, task.triangle + slot * part});
+      push(level,
+           {CompactTask::kEven, size, task.below + slot, below, task.triangle + slot * part});
       below += EvenSubtree::nodes(size) - 1;
     }
     nodes[task.node] = node;
-  }
-
-  /// Gives each child the slot of the corner that it lies towards, the clearest first. Returns the
-  /// child of each slot that is used, four bits a slot.
-  UMBEL_HOST_DEVICE uint32_t choose_slots(uint32_t merge, const Subtree* children, uint32_t count,
-                                          uint32_t& used) const {
-    const Aabb& whole = layout.tree.merges[merge].box;
-    const Vec3 center = whole.min + whole.max;
-    Vec3 away[8];
-    for (uint32_t i = 0; i < count; ++i) {
-      const Aabb& box = layout.box(children[i]);
-      away[i] = box.min + box.max - center;
-    }
-    uint32_t placed = 0, child_in = 0;
-    for (uint32_t round = 0; round < count; ++round) {
-      float best = 0;
-      uint32_t best_child = kNone, best_slot = 0;
-      for (uint32_t i = 0; i < count; ++i) {
-        if (placed >> i & 1) continue;
-        for (uint32_t slot = 0; slot < 8; ++slot) {
-          if (used >> slot & 1) continue;
-          const float towards = (slot & 1 ? away[i].x : -away[i].x) +
-                                (slot & 2 ? away[i].y : -away[i].y) +
-                                (slot & 4 ? away[i].z : -away[i].z);
-          if (best_child != kNone && !(towards > best)) continue;
-          best = towards;
-          best_child = i;
-          best_slot = slot;
-        }
-      }
-      placed |= 1u << best_child;
-      used |= 1u << best_slot;
-      child_in |= best_child << 4 * best_slot;
-    }
-    return child_in;
   }
 
   /// The items below, of which there are at most 8. Returns the index behind them.
@@ -211,7 +273,7 @@ void lay_out_compact(Exec& exec, const BinaryTree& tree, const CompactSums& sums
   auto other = exec.template allocate<CompactTask>(most);
   auto counts = exec.template allocate<uint32_t>(kMaxCompactDepth + 2);
   uint32_t* any_even = counts.data() + kMaxCompactDepth + 1;
-  const CompactTop top{layout, nodes, order, any_even, nullptr, nullptr};
+  const CompactTop top{layout, nodes, order, any_even, {list.data(), other.data()}, counts.data()};
   exec.for_each(1, [=, list = list.data(), counts = counts.data()] UMBEL_DEVICE_LAMBDA(size_t) {
     for (uint32_t i = 0; i < kMaxCompactDepth + 2; ++i) counts[i] = 0;
     const Subtree root = *layout.tree.root;
@@ -229,14 +291,7 @@ void lay_out_compact(Exec& exec, const BinaryTree& tree, const CompactSums& sums
       list[0] = {root.index(), 0, 0, 1, 0};
     }
   });
-  exec.for_each_layer(counts.data(), kMaxCompactDepth, most, 1,
-                      [=, list = list.data(), other = other.data(),
-                       counts = counts.data()] UMBEL_DEVICE_LAMBDA(uint32_t level, size_t i) {
-                        CompactTop own = top;
-                        own.next = level % 2 == 0 ? other : list;
-                        own.next_count = counts + level + 1;
-                        own((level % 2 == 0 ? list : other)[i], level);
-                      });
+  exec.for_each_layer_team(counts.data(), kMaxCompactDepth, most, top);
   // Trees are seldom that deep: otherwise two kernels whose threads do nothing.
   auto parents_of_merges = exec.template allocate<uint32_t>(tree.merge_count);
   auto parents_of_items = exec.template allocate<uint32_t>(tree.items);

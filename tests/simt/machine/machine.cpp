@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <bit>
 #include <cstdio>
 #include <memory>
 #include <random>
@@ -61,8 +62,9 @@ struct Gathering {
 
 struct Warp {
   Lane lanes[kWarpLanes];
-  uint32_t phase = 0;
-  char tags[2] = {};
+  /// Of lanes that meet, by the first one of them: others of the warp may meet at the same time.
+  uint32_t phases[kWarpLanes] = {};
+  char tags[kWarpLanes][2] = {};
   std::vector<std::unique_ptr<Gathering>> gatherings;
 };
 
@@ -364,13 +366,15 @@ uint64_t meet_warp(WarpOp op, uint32_t mask, uint64_t value, uint32_t from) {
   if (!(mask >> self & 1)) fail("a lane is not in its own mask");
   Lane& lane = warp.lanes[self];
   lane = {true, op, mask, from, value, 0};
-  const uint32_t phase = warp.phase;
-  if (op == WarpOp::kSync) release(&warp.tags[phase]);
+  const auto first = static_cast<uint32_t>(std::countr_zero(mask));
+  char* tag = &warp.tags[first][warp.phases[first]];
+  if (op == WarpOp::kSync) release(tag);
   bool are_all_here = true;
   for (uint32_t l = 0; l < kWarpLanes; ++l) {
     if (!(mask >> l & 1)) continue;
     const Lane& other = warp.lanes[l];
-    if (!other.waits)
+    // One that waits for others alone comes later.
+    if (!other.waits || !(other.mask >> self & 1))
       are_all_here = false;
     else if (other.op != op || other.mask != mask)
       fail("lanes of a warp meet with different operations or masks");
@@ -398,10 +402,10 @@ uint64_t meet_warp(WarpOp op, uint32_t mask, uint64_t value, uint32_t from) {
         warp.lanes[l].waits = false;
         make_runnable(*threads[l]);
       }
-    if (op == WarpOp::kSync) warp.phase ^= 1;
+    if (op == WarpOp::kSync) warp.phases[first] ^= 1;
     running->fiber.switch_to(*home);
   }
-  if (op == WarpOp::kSync) acquire(&warp.tags[phase]);
+  if (op == WarpOp::kSync) acquire(tag);
   return warp.lanes[self].result;
 }
 

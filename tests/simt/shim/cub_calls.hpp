@@ -5,11 +5,18 @@
 
 namespace umbel::simt {
 
+/// Questions for sizes of scratch memory.
+inline thread_local size_t questions = 0;
+
+/// What scratch memory for so many items takes more than for none.
+inline size_t some_of(int64_t items) { return size_t(items) % 251; }
+
 /// Answers the question for the size of the scratch memory, or queues the work, which may use all
 /// of it.
 template <typename Work>
 cudaError_t cub_call(void* scratch, size_t& bytes, size_t wanted, cudaStream_t stream, Work work) {
   if (!scratch) {
+    ++questions;
     bytes = wanted;
     return cudaSuccess;
   }

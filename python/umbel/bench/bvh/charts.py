@@ -28,6 +28,7 @@ COLORS = {
     "atrbvh": "#e08e1b",
     "ploc 2018": "#c3b3d6",
     "ploc": "#7d5ba6",
+    "hploc": "#4a2f73",
     "aac": "#8c6d4f",
     "agglomerative": "#d183b5",
     "insertion": "#17a2a8",

@@ -2,6 +2,7 @@
 
 from umbel.bench.table import Column, columns
 
+BASELINE = "sweep"
 RATIOS = ("sah_ratio", "epo_ratio", "speed_ratio", "lq_ratio", "hq_ratio")
 COLUMNS = columns(
     """

@@ -12,12 +12,12 @@ from umbel.accel.queries import TriangleQueries
 from umbel.accel.tree_options import builders
 from umbel.accel.uniform import IntervalHierarchy, Octree, TwoLevelGrid
 from umbel.bench.bvh import kmeans as bvh_kmeans
+from umbel.bench.bvh.columns import BASELINE
 from umbel.bench.bvh.paths import HEIGHT, TILE, WIDTH
 from umbel.bench.bvh.scenes import Kmeans
 from umbel.errors import Error
 from umbel.geometry.mesh import Mesh
 
-BASELINE = "sweep"
 LARGE = 2_000_000
 """Triangles; of larger scenes EPO would take longer than all the rest, and builds run once."""
 PARTS = ("builders", "stages", "iterations")

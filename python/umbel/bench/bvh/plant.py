@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from umbel import shapes
 from umbel.errors import Error
-from umbel.geometry.mesh import Mesh
+
+if TYPE_CHECKING:
+    from umbel.geometry.mesh import Mesh
 
 Floats = NDArray[np.float64]
 
@@ -29,11 +31,26 @@ _HILLS = 0.1  # times the heights of shapes.terrain
 _SMALLEST, _LARGEST = 20_000, 50_000_000
 
 
+class Arrays(NamedTuple):
+    """A mesh where the compiled part of the package may be missing."""
+
+    positions: NDArray[np.float32]
+    triangles: NDArray[np.uint32]
+
+
+class Shapes(NamedTuple):
+    """What the compiled part makes; the rest needs NumPy alone."""
+
+    terrain: Arrays
+    blob: Arrays
+    torus: Arrays
+
+
 @dataclass(frozen=True)
 class _Kind:
     """A shape and the share of all triangles that its copies are."""
 
-    shape: Mesh
+    shape: Arrays
     share: float
     low: Sequence[float]
     """Least and greatest scale along the shape's axes."""
@@ -46,16 +63,32 @@ class _Kind:
 
 def plant(triangles: int, seed: int = 1) -> Mesh:
     """The scene with this many triangles, give or take some per cent; y is up."""
+    from umbel.geometry.mesh import Mesh
+
+    return Mesh(*plant_arrays(triangles, plant_shapes(triangles), seed))
+
+
+def plant_shapes(triangles: int) -> Shapes:
+    """What a scene of this many triangles is made of."""
+    from umbel import shapes
+
     if not _SMALLEST <= triangles <= _LARGEST:
         raise Error(f"triangles must be from {_SMALLEST:,} to {_LARGEST:,}, not {triangles:,}")
+    side = max(round((round(triangles * 0.15) / 2) ** 0.5), 4)
+    made = (shapes.terrain(side, side), shapes.blob(4), shapes.torus(48, 16))
+    return Shapes(*(Arrays(mesh.positions, mesh.triangles) for mesh in made))
+
+
+def plant_arrays(triangles: int, shapes: Shapes, seed: int = 1) -> Arrays:
+    """The scene, of the shapes for so many triangles."""
     dice = np.random.default_rng(seed)
-    ground = _ground(round(triangles * 0.15))
+    ground = _ground(shapes.terrain)
     parts = [ground]
-    for kind in _kinds():
+    for kind in _kinds(shapes):
         copies = max(round(triangles * kind.share / len(kind.shape.triangles)), 1)
         parts.append(_copies(kind, copies, ground, dice))
     firsts = np.cumsum([0] + [len(part.positions) for part in parts[:-1]])
-    return Mesh(
+    return Arrays(
         np.concatenate([part.positions for part in parts]),
         np.concatenate(
             [part.triangles + np.uint32(first) for part, first in zip(parts, firsts, strict=True)]
@@ -63,30 +96,28 @@ def plant(triangles: int, seed: int = 1) -> Mesh:
     )
 
 
-def _kinds() -> list[_Kind]:
+def _kinds(shapes: Shapes) -> list[_Kind]:
     return [
         _Kind(_tube(32, 24), 0.40, (0.2, 5, 0.2), (1.5, 60, 1.5), 0.8, 40),  # pipes
         _Kind(_tube(8, 1), 0.05, (0.02, 5, 0.02), (0.1, 60, 0.1), 0.9, 50),  # cables and rails
         _Kind(_box(), 0.03, (0.1, 2, 0.1), (0.5, 40, 0.5), 0.6, 60),  # beams
         _Kind(_box(), 0.0001, (4, 4, 4), (20, 30, 16), 0.0, 0),  # buildings
-        _Kind(shapes.blob(4), 0.185, (1, 1, 1), (8, 8, 8), 0.0, 5),  # tanks
-        _Kind(shapes.torus(48, 16), 0.185, (0.3, 0.3, 0.3), (2, 2, 2), 0.5, 50),  # valves, wheels
+        _Kind(shapes.blob, 0.185, (1, 1, 1), (8, 8, 8), 0.0, 5),  # tanks
+        _Kind(shapes.torus, 0.185, (0.3, 0.3, 0.3), (2, 2, 2), 0.5, 50),  # valves, wheels
     ]
 
 
-def _ground(triangles: int) -> Mesh:
-    side = max(round((triangles / 2) ** 0.5), 4)
-    unit = shapes.terrain(side, side)
+def _ground(unit: Arrays) -> Arrays:
     low, high = unit.positions.min(axis=0), unit.positions.max(axis=0)
     flat = np.argsort(high - low)  # the heights are along the shortest side
     x, z, y = flat[2], flat[1], flat[0]
     span = (high - low).max()
     corners = (unit.positions - (low + high) / 2) / span * GROUND
     turned = np.stack([corners[:, x], corners[:, y] * _HILLS, corners[:, z]], axis=1)
-    return Mesh(turned.astype(np.float32), unit.triangles)
+    return Arrays(turned.astype(np.float32), unit.triangles)
 
 
-def _copies(kind: _Kind, count: int, ground: Mesh, dice: np.random.Generator) -> Mesh:
+def _copies(kind: _Kind, count: int, ground: Arrays, dice: np.random.Generator) -> Arrays:
     """The shape so many times, in blocks of streets as plants are built in."""
     low, high = np.array(kind.low, np.float64), np.array(kind.high, np.float64)
     scale = low * (high / low) ** dice.random((count, 3))
@@ -99,7 +130,7 @@ def _copies(kind: _Kind, count: int, ground: Mesh, dice: np.random.Generator) ->
     points = kind.shape.positions.astype(np.float64)
     baked = np.einsum("pj,nj,nij->npi", points, scale, axes) + position[:, None, :]
     first = (np.arange(count) * len(points))[:, None, None]
-    return Mesh(
+    return Arrays(
         baked.reshape(-1, 3).astype(np.float32),
         (kind.shape.triangles[None].astype(np.int64) + first).reshape(-1, 3).astype(np.uint32),
     )
@@ -120,7 +151,7 @@ def _orientations(count: int, tilted: float, dice: np.random.Generator) -> Float
     return axes
 
 
-def _heights(ground: Mesh, at: Floats) -> Floats:
+def _heights(ground: Arrays, at: Floats) -> Floats:
     """The ground's height near points (x, z)."""
     side = round(len(ground.positions) ** 0.5)
     steps = np.clip((at / GROUND + 0.5) * (side - 1), 0, side - 1).round().astype(np.int64)
@@ -129,7 +160,7 @@ def _heights(ground: Mesh, at: Floats) -> Floats:
     return heights
 
 
-def _tube(sides: int, rings: int) -> Mesh:
+def _tube(sides: int, rings: int) -> Arrays:
     """An open cylinder around y, of radius and height 1."""
     angle = np.arange(sides) / sides * 2 * np.pi
     ring = np.stack([np.cos(angle), np.zeros(sides), np.sin(angle)], axis=1)
@@ -139,15 +170,15 @@ def _tube(sides: int, rings: int) -> Mesh:
     a, b = j * sides + i, j * sides + (i + 1) % sides
     lower = np.stack([a, a + sides, b], axis=-1)
     upper = np.stack([b, a + sides, b + sides], axis=-1)
-    return Mesh(
+    return Arrays(
         positions.reshape(-1, 3).astype(np.float32),
         np.concatenate([lower, upper]).reshape(-1, 3).astype(np.uint32),
     )
 
 
-def _box() -> Mesh:
+def _box() -> Arrays:
     """The unit cube around the origin, twelve triangles."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     faces = [[q[0], q[i], q[i + 1]] for q in quads for i in (1, 2)]
-    return Mesh(corners.astype(np.float32), np.array(faces, np.uint32))
+    return Arrays(corners.astype(np.float32), np.array(faces, np.uint32))

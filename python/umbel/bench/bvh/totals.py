@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from umbel.bench.bvh.methods import BASELINE
+from umbel.bench.bvh.columns import BASELINE
 from umbel.bench.table import Row
 
 LQ, HQ = 8, 128

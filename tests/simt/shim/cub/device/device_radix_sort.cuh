@@ -25,7 +25,7 @@ struct DeviceRadixSort {
     const auto from_values = values;
     const int to = scratch ? int(umbel::simt::random_below(2)) : 0;
     if (scratch) keys.selector = values.selector = to;
-    return umbel::simt::cub_call(scratch, bytes, 900, stream, [=] {
+    return umbel::simt::cub_call(scratch, bytes, 900 + umbel::simt::some_of(n), stream, [=] {
       const Key mask = (last - first < int(sizeof(Key) * 8) ? (Key(1) << (last - first)) : 0) - 1;
       std::vector<std::pair<Key, Value>> pairs;
       for (int64_t i = 0; i < n; ++i)

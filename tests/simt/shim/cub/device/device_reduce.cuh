@@ -10,7 +10,7 @@ struct DeviceReduce {
   template <typename In, typename Out, typename Op, typename Map, typename T>
   static cudaError_t TransformReduce(void* scratch, size_t& bytes, In in, Out out, int64_t n, Op op,
                                      Map map, T init, cudaStream_t stream) {
-    return umbel::simt::cub_call(scratch, bytes, 300, stream, [=] {
+    return umbel::simt::cub_call(scratch, bytes, 300 + umbel::simt::some_of(n), stream, [=] {
       std::vector<T> tiles;
       for (size_t i = 0; i < size_t(n);) {
         const size_t end = i + umbel::simt::tile_length(size_t(n) - i);

@@ -11,7 +11,7 @@ struct DeviceScan {
   template <typename In, typename T>
   static cudaError_t ExclusiveSum(void* scratch, size_t& bytes, In in, T* out, int64_t n,
                                   cudaStream_t stream) {
-    return umbel::simt::cub_call(scratch, bytes, 500, stream, [=] {
+    return umbel::simt::cub_call(scratch, bytes, 500 + umbel::simt::some_of(n), stream, [=] {
       std::vector<std::pair<size_t, T>> late;
       const auto write = [&] {
         for (const auto& [i, value] : late) out[i] = value;
