@@ -305,6 +305,15 @@ describe("an asset with a tree of instances", () => {
     expect(watched.last.residentBytes).toBeLessThanOrEqual(4_000_000);
   });
 
+  test("shows no more than the budget allows where no error is allowed", async () => {
+    const watched = await Watched.open(new MemorySource(FOREST.file), 4_000_000, FOREST);
+    watched.streamer.setScene({ view: { ...view, threshold: 0 }, planes });
+    await watched.until((s) => s.instances > 0 && s.missingPages === 0 && s.isSettled);
+    expect(watched.problems).toEqual([]);
+    expect(watched.last.shownInstances).toBeLessThan(4_000_000 / 8 / 128);
+    expect(watched.last.shownInstances).toBeGreaterThan(100);
+  });
+
   test("keeps the stand-ins where its nodes are damaged", async () => {
     const bad = FOREST.file.slice();
     bad[(FOREST.header.tree?.nodes.offset as number) + 70] ^= 1;

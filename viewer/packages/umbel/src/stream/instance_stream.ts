@@ -22,7 +22,9 @@ const SHARE = 1 / 8;
 const SHOWN_BYTES = 128;
 /** Factor on the allowed error where the view shows too many placements, again and again. */
 const COARSER = 1.25;
-const MAX_SCALE = 2 ** 20;
+const MAX_SCALE = 2 ** 24;
+/** The least error that can be made coarser: of the distance, and of the scene's radius. */
+const LEAST = 1e-7;
 
 /** A view of the scene. */
 export interface SceneView {
@@ -103,15 +105,12 @@ export class InstanceStream {
     if (!selector) return this.selectListed(view);
     const most = (SHARE * this.budget) / SHOWN_BYTES;
     this.scale = Math.max(this.scale / COARSER ** 2, 1);
-    let step = selector.step(scaled(view, this.scale), planes, most);
-    for (
-      ;
-      !step && this.scale < MAX_SCALE;
-      step = selector.step(scaled(view, this.scale), planes, most)
-    )
-      this.scale *= COARSER;
-    const coarser = scaled(view, this.scale);
-    this.step = step ?? (selector.step(coarser, planes) as InstanceStep);
+    const radius = selector.nodes.spheres[3] as number;
+    const select = (most?: number) => selector.step(scaled(view, this.scale, radius), planes, most);
+    let step = select(most);
+    for (; !step && this.scale < MAX_SCALE; step = select(most)) this.scale *= COARSER;
+    this.step = step ?? (select() as InstanceStep);
+    const coarser = scaled(view, this.scale, radius);
     selector.evict();
     const pageOf = (node: number) => selector.page(node);
     return instanceRows(this.step, pageOf, selector.nodes, this.tables.coarsestErrors, coarser);
@@ -249,7 +248,11 @@ export class InstanceStream {
   }
 }
 
-function scaled(view: View, scale: number): View {
-  if (view.kind === "camera") return { ...view, threshold: view.threshold * scale };
-  return view.kind === "error" ? { kind: "error", error: view.error * scale } : view;
+/** @param radius of the scene */
+function scaled(view: View, scale: number, radius: number): View {
+  // An error of 0 would stay 0.
+  const times = (error: number, least: number) =>
+    scale === 1 ? error : scale * Math.max(error, least);
+  if (view.kind === "camera") return { ...view, threshold: times(view.threshold, LEAST) };
+  return view.kind === "error" ? { kind: "error", error: times(view.error, LEAST * radius) } : view;
 }

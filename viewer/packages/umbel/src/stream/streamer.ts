@@ -178,11 +178,11 @@ export class Streamer {
   }
 
   private step(): void {
+    const start = performance.now();
     if (this.tree) this.selectInstances(this.tree);
     if (this.residency.viewCount === 0) return;
     if (this.needsPlan) {
       this.needsPlan = false;
-      const start = performance.now();
       if (this.residency.plan()) this.cutChanged = true;
       this.selectTime = performance.now() - start;
       this.removeGroups(this.residency.trim());
