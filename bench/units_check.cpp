@@ -33,6 +33,7 @@
 #include "io/source/mesh_source.hpp"
 #include "mesh_reader.hpp"
 #include "scale/finish.hpp"
+#include "scale/run_task.hpp"
 #include "scale/tiers.hpp"
 #include "umbel/asset.hpp"
 #include "umbel/lod.hpp"

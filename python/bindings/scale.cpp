@@ -12,6 +12,7 @@
 #include "lod.hpp"
 #include "scale/build_asset.hpp"
 #include "scale/route_file.hpp"
+#include "scale/run_task.hpp"
 #include "scale/work_file.hpp"
 
 namespace umbel::python {
@@ -53,7 +54,7 @@ class PythonExecutor final : public scale::Executor {
   }
   void submit(const scale::Task& task) override {
     const nb::gil_scoped_acquire held;
-    object_.attr("submit")(task.tier, task.unit);
+    object_.attr("submit")(static_cast<int>(task.kind), task.tier, task.unit, task.plan);
   }
   std::optional<scale::TaskResult> wait(std::chrono::milliseconds most) override {
     using Ended = std::tuple<uint32_t, uint32_t, int, std::string>;  // ..., error's kind, error
@@ -106,6 +107,12 @@ Dict build(const HeldFolder& held, const io::TriangleSource& source, const lod::
     return nb::cast<std::string>(metadata(finished_dict(finished)));
   };
   const io::PlainSource plain(source);
+  if (!executor_object.is_none()) {
+    scale::Delegation& delegation = build.delegation;
+    delegation.sorting = delegation.encoding = true;
+    delegation.source = nb::cast<bool>(executor_object.attr("sorts_source"));
+    delegation.is_stand_in = nb::cast<bool>(executor_object.attr("is_stand_in"));
+  }
   const auto executor = make_executor(held.folder->path(), command, workers, executor_object);
   return finished_dict(run(progress, threads, [&](const BuildOptions& options) {
     return scale::build_asset(config.attributes ? source : plain, build, *held.folder, *executor,
@@ -169,18 +176,40 @@ void bind_scale(nb::module_& module) {
           "executor: object | None = None, force: bool = False, scene: str = '') -> "
           "dict[str, typing.Any]"));
   module.def(
-      "run_unit",
-      [](const std::filesystem::path& work, uint32_t tier, uint32_t unit, uint32_t threads,
-         const std::optional<std::vector<uint32_t>>& shards) {
+      "run_task",
+      [](const std::filesystem::path& work, int kind, uint32_t tier, uint32_t unit, uint64_t plan,
+         uint32_t threads, const std::optional<std::vector<uint32_t>>& shards,
+         const io::TriangleSource* source, const nb::object& fetch_taken) {
+        scale::TaskInput input{shards, {}, source};
+        if (!fetch_taken.is_none())
+          input.fetch_taken = [&] {
+            const nb::gil_scoped_acquire held;
+            fetch_taken();
+          };
         const nb::gil_scoped_release release;
-        with_threads(threads, [&] { scale::run_task(work, {tier, unit}, shards); });
+        const scale::Task task{tier, unit, static_cast<scale::TaskKind>(kind), plan};
+        with_threads(threads, [&] { scale::run_task(work, task, input); });
       },
-      "work"_a, "tier"_a, "unit"_a, "threads"_a, "shards"_a = nb::none(),
-      nb::sig("def run_unit(work: str | os.PathLike[str], tier: int, unit: int, threads: int, "
-              "shards: list[int] | None = None) -> None"),
-      "Builds one unit, of all routed files or of those with these numbers.");
+      "work"_a, "kind"_a, "tier"_a, "unit"_a, "plan"_a, "threads"_a, "shards"_a = nb::none(),
+      "source"_a = nb::none(), "fetch_taken"_a = nb::none(),
+      nb::sig("def run_task(work: str | os.PathLike[str], kind: int, tier: int, unit: int, "
+              "plan: int, threads: int, shards: list[int] | None = None, "
+              "source: TriangleSource | None = None, "
+              "fetch_taken: collections.abc.Callable[[], None] | None = None) -> None"),
+      "Does one task; a unit's of all sorted files or of those with these numbers.");
   module.def("begin_worker", &scale::begin_worker,
              "This process ends when the one that started it does, and leaves Ctrl-C to that.");
+  module.def(
+      "read_places",
+      [](const std::filesystem::path& path) {
+        const nb::gil_scoped_release release;
+        const scale::SlicePlaces places = scale::read_places(path);
+        return std::tuple(places.bytes, places.common, places.slices);
+      },
+      "path"_a,
+      nb::sig("def read_places(path: str | os.PathLike[str]) -> tuple[int, "
+              "list[tuple[int, int]], list[tuple[int, int, int]]]"),
+      "What slice_places gives, of the file that says it.");
   module.def(
       "slice_places",
       [](const std::filesystem::path& path, uint32_t tier) {
@@ -192,7 +221,7 @@ void bind_scale(nb::module_& module) {
       "path"_a, "tier"_a,
       nb::sig("def slice_places(path: str | os.PathLike[str], tier: int) -> tuple[int, "
               "list[tuple[int, int]], list[tuple[int, int, int]]]"),
-      "Of a routed file: its bytes, stretches that every unit needs, and each unit's own.");
+      "Of a sorted file: its bytes, stretches that every unit needs, and each unit's own.");
 }
 
 }  // namespace umbel::python

@@ -279,7 +279,9 @@ void bind_source(nb::module_& module) {
            "material"_a = nb::none(), "default_material"_a = kNone, "color_divisor"_a = 1.0f,
            "transform"_a = nb::none(), "extras"_a = nb::make_tuple());
   nb::class_<io::TableSource, io::TriangleSource>(module, "TableSource")
-      .def(nb::init<io::TableLayout>(), "layout"_a);
+      .def(nb::init<io::TableLayout>(), "layout"_a)
+      .def("files", &io::TableSource::files, "begin"_a, "end"_a,
+           "The numbers of the files that reading the triangles [begin, end) needs.");
 }
 
 }  // namespace umbel::python

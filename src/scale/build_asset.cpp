@@ -149,6 +149,7 @@ Finished build_asset(const io::TriangleSource& source, const AssetBuild& build,
     TierOptions tiers;
     tiers.input_is_same = build.input_is_same;
     tiers.force = build.force;
+    tiers.delegation = build.delegation;
     tiers.progress = [&](double fraction, std::string_view stage) {
       progress.report(fraction, stage);
     };
@@ -156,11 +157,12 @@ Finished build_asset(const io::TriangleSource& source, const AssetBuild& build,
       run_all(executor, tasks, poll);
     };
     const BuiltTiers built = build_tiers(source, build.config, build.scale, folder.path(), tiers);
-    FinishInput input{built.parts, build.config, built.report, built.source_digest};
+    FinishInput input{built.parts, built.units, build.config, built.report, built.source_digest};
     input.report.input_vertices = build.input_vertices;
     FinishOptions finish_options = build.finish;
     finish_options.contents.origin = built.origin;
     finish_options.work = folder.path();
+    if (build.delegation.encoding) finish_options.run = tiers.run;
     constexpr float kBefore = 0.9f;
     BuildOptions rest;
     rest.threads = options.threads;

@@ -44,6 +44,7 @@ struct AssetBuild {
   /// Reported as the mesh's: units cannot know it.
   uint64_t input_vertices = 0;
   bool input_is_same = false, force = false;  ///< see TierOptions
+  Delegation delegation;                      ///< what the executor takes besides units
 };
 
 /// Builds what the folder does not have yet, and writes the asset. The bytes depend on the source

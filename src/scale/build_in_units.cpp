@@ -14,6 +14,7 @@
 #include "io/source/checked_source.hpp"
 #include "io/source/plain_source.hpp"
 #include "scale/build_asset.hpp"
+#include "scale/run_task.hpp"
 #include "umbel/scale.hpp"
 #include "umbel/version.hpp"
 

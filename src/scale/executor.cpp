@@ -3,6 +3,8 @@
 #include <deque>
 #include <utility>
 
+#include "scale/run_task.hpp"
+
 namespace umbel::scale {
 namespace {
 

@@ -21,20 +21,15 @@
 #include "base/parallel.hpp"
 #include "lod/build/dag_writer.hpp"
 #include "lod/build/hierarchy.hpp"
+#include "scale/encode.hpp"
 #include "scale/parts.hpp"
+#include "scale/work_folder.hpp"
 
 namespace umbel::scale {
 namespace {
 
 // What encoding takes of all work.
 constexpr double kEncoding = 0.8;
-
-// A unit's groups of one level.
-struct Run {
-  uint32_t level;         // as the units count
-  uint32_t first, count;  // of the unit's groups
-  uint32_t number;        // of the first in the asset
-};
 
 std::vector<Run> runs_of(const PartsSummary& summary) {
   std::vector<Run> runs;
@@ -45,28 +40,6 @@ std::vector<Run> runs_of(const PartsSummary& summary) {
   }
   return runs;
 }
-
-struct Unit {
-  std::vector<Run> runs;
-  uint32_t number_of(uint32_t group) const {
-    const auto after = std::ranges::upper_bound(runs, group, {}, &Run::first);
-    if (after == runs.begin() || group - (after - 1)->first >= (after - 1)->count)
-      corrupt("a cluster was made from a group that is not there");
-    return (after - 1)->number + (group - (after - 1)->first);
-  }
-};
-
-struct BlockName {
-  uint32_t unit, block;
-  uint32_t first_group;  // of the unit
-  uint32_t groups;
-};
-
-// The chunks of a block's groups, one after the other.
-struct EncodedBlock {
-  std::vector<std::byte> bytes;
-  std::vector<asset::GroupEntry> groups;  // what encoding tells of them
-};
 
 class Finisher {
  public:
@@ -96,16 +69,18 @@ class Finisher {
     asset::VertexStatistics vertices;
     uint32_t largest_material = 0;
     uint64_t groups = 0, clusters = 0;
-    std::map<uint32_t, std::vector<Run*>> levels;
-    units_.resize(input_.parts.size());
-    for (uint32_t u = 0; u < units_.size(); ++u) {
+    std::map<uint32_t, std::vector<uint32_t>> levels;  // runs
+    for (uint32_t u = 0; u < input_.parts.size(); ++u) {
       const PartsSummary summary = read_summary(input_.parts[u]);
       asset::add(vertices, {summary.streams.at(0), summary.extras, summary.extra_ranges});
       largest_material = std::max(largest_material, summary.largest_material.at(0));
       extend(mesh_.mesh.bounds, summary.box.at(0));
       finished_.triangles += summary.triangles.at(0);
-      units_[u].runs = runs_of(summary);
-      for (Run& run : units_[u].runs) levels[run.level].push_back(&run);
+      plan_.first_run.push_back(static_cast<uint32_t>(plan_.runs.size()));
+      for (const Run& run : runs_of(summary)) {
+        levels[run.level].push_back(static_cast<uint32_t>(plan_.runs.size()));
+        plan_.runs.push_back(run);
+      }
       uint32_t first = 0;
       for (uint32_t b = 0; b < summary.blocks.size(); ++b) {
         blocks_.push_back({u, b, first, summary.blocks[b]});
@@ -117,6 +92,7 @@ class Finisher {
         lod::count_group(group.method, group.limiting_factor, finished_.report);
       }
     }
+    plan_.first_run.push_back(static_cast<uint32_t>(plan_.runs.size()));
     if (groups >= kNone || clusters >= kNone)
       throw Error(ErrorCode::kUnsupported, "the levels of detail have " + std::to_string(groups) +
                                                " groups of " + std::to_string(clusters) +
@@ -124,9 +100,9 @@ class Finisher {
     uint32_t number = 0;
     for (const auto& [level, runs] : levels) {
       mesh_.levels.push_back({number, 0});
-      for (Run* run : runs) {
-        run->number = number;
-        number += run->count;
+      for (const uint32_t run : runs) {
+        plan_.runs[run].number = number;
+        number += plan_.runs[run].count;
       }
       mesh_.levels.back().count = number - mesh_.levels.back().offset;
     }
@@ -152,10 +128,10 @@ class Finisher {
 
   void describe_groups() {
     mesh_.groups.resize(finished_.groups);
-    for (uint32_t u = 0; u < units_.size(); ++u) {
+    for (uint32_t u = 0; u < input_.parts.size(); ++u) {
       const PartsSummary summary = read_summary(input_.parts[u]);
       for (uint32_t g = 0; g < summary.groups.size(); ++g) {
-        lod::Group& group = mesh_.groups[units_[u].number_of(g)].group;
+        lod::Group& group = mesh_.groups[plan_.number_of(u, g)].group;
         group = group_of(summary.groups[g]);
         group.clusters.count = summary.groups[g].clusters;
       }
@@ -175,79 +151,72 @@ class Finisher {
     mesh_.nodes = lod::build_hierarchy(tables);
   }
 
+  // The plan of encoding, with all that is known now.
+  void make_plan() {
+    plan_.attributes = mesh_.format.attributes;
+    plan_.is_smooth = mesh_.format.is_smooth;
+    plan_.bounds = {mesh_.mesh.bounds};
+    plan_.first_material = {asset::first_material(options_.contents, 0)};
+    plan_.has_materials = {has_materials_ ? 1u : 0u};
+    for (uint32_t u = 0; u < input_.units.size(); ++u)
+      if (input_.units[u].tier == plan_.first_serial.size()) plan_.first_serial.push_back(u);
+  }
+
   void encode_groups() {
+    make_plan();
     chunk_at_.resize(mesh_.groups.size());
+    if (options_.run) return encode_elsewhere();
     const auto threads = static_cast<size_t>(tbb::this_task_arena::max_concurrency());
     std::vector<EncodedBlock> made(threads == 1 ? 1 : 2 * threads);
     for (size_t begin = 0; begin < blocks_.size(); begin += made.size()) {
-      progress_.report(kEncoding * static_cast<double>(begin) / static_cast<double>(blocks_.size()),
-                       "writing");
+      report(static_cast<double>(begin) / static_cast<double>(blocks_.size()));
       const size_t count = std::min(made.size(), blocks_.size() - begin);
-      parallel_for(count, 1, [&](size_t i) { encode(blocks_[begin + i], made[i]); });
+      parallel_for(count, 1, [&](size_t i) { made[i] = encode(blocks_[begin + i]); });
       for (size_t i = 0; i < count; ++i) keep(blocks_[begin + i], made[i]);
     }
   }
 
-  void encode(const BlockName& name, EncodedBlock& made) const {
-    PartsBlock block = read_block(input_.parts[name.unit], name.block);
-    if (has_materials_) {
-      block.materials.resize(block.vertices.positions.size());
-      lod::keep_vertex_materials(block.materials, block.vertices);
-    }
-    const std::vector<lod::Cluster> clusters = clusters_of(block);
-    const asset::ChunkFormat format{mesh_.format, mesh_.mesh.bounds,
-                                    asset::first_material(options_.contents, 0)};
-    made.bytes.clear();
-    made.groups.clear();
-    uint32_t first = 0;
-    for (uint32_t i = 0; i < name.groups; ++i) {
-      const uint32_t number = units_[name.unit].number_of(name.first_group + i);
-      const uint32_t count = mesh_.groups[number].group.clusters.count;
-      if (first + uint64_t{count} > clusters.size()) corrupt("a block of parts is too short");
-      const asset::GroupView group{
-          number,
-          std::span(clusters).subspan(first, count),
-          std::span(block.clusters.vertex_offsets).subspan(first, count + size_t{1}),
-          std::span(block.clusters.triangle_offsets).subspan(first, count + size_t{1}),
-          block.clusters.vertices,
-          block.clusters.corners,
-          block.vertices};
-      const std::vector<uint32_t> children = asset::children_of(group.clusters);
-      asset::check_references(number, children.size());
-      const std::vector<std::byte> chunk = asset::encode_chunk(format, group, children);
-      asset::GroupEntry& entry = made.groups.emplace_back();
-      entry.references = static_cast<uint32_t>(children.size());
-      entry.chunk_bytes = static_cast<uint32_t>(chunk.size());
-      made.bytes.insert(made.bytes.end(), chunk.begin(), chunk.end());
-      first += count;
-    }
+  void report(double part) { progress_.report(kEncoding * part, "writing"); }
+
+  EncodedBlock encode(const BlockName& name) const {
+    std::vector<uint32_t> clusters(name.groups);
+    for (uint32_t i = 0; i < name.groups; ++i)
+      clusters[i] = mesh_.groups[number_of(name, i)].group.clusters.count;
+    return encode_block(plan_, name, input_.parts[name.serial], clusters);
   }
 
-  // With the numbers of the groups that generated them.
-  std::vector<lod::Cluster> clusters_of(const PartsBlock& block) const {
-    std::vector<lod::Cluster> clusters;
-    for (uint32_t c = 0; c < block.clusters.size(); ++c) {
-      const uint64_t generator = block.generators[c];
-      uint32_t number = kNone;
-      if (generator != kNoGenerator)
-        number = units_.at(generator >> 32).number_of(static_cast<uint32_t>(generator));
-      clusters.push_back({kNone, number, block.clusters.material[c],
-                          static_cast<uint32_t>(block.clusters.cluster_vertices(c).size()),
-                          static_cast<uint32_t>(block.clusters.cluster_corners(c).size() / 3),
-                          block.clusters.boxes[c]});
+  // As tasks, a unit each. What an earlier build left by the same plan is taken.
+  void encode_elsewhere() {
+    const uint64_t plan = hash_of(plan_);
+    write_encode_plan(encode_plan_file(options_.work, plan), plan_);
+    std::vector<Task> tasks, missing;
+    for (const Task& unit : input_.units) {
+      tasks.push_back({unit.tier, unit.unit, TaskKind::kEncode, plan});
+      if (!is_whole(chunks_file(options_.work, tasks.back()))) missing.push_back(tasks.back());
     }
-    return clusters;
+    options_.run(missing, [&](size_t done) {
+      report(static_cast<double>(tasks.size() - missing.size() + done) /
+             static_cast<double>(tasks.size()));
+    });
+    for (const BlockName& name : blocks_)
+      keep(name, read_encoded(chunks_file(options_.work, tasks[name.serial]), name.block));
+  }
+
+  uint32_t number_of(const BlockName& name, uint32_t group) const {
+    return plan_.number_of(name.serial, name.first_group + group);
   }
 
   void keep(const BlockName& name, const EncodedBlock& made) {
+    if (made.chunk_bytes.size() != name.groups || made.references.size() != name.groups)
+      corrupt("a block of chunks has other groups than its unit");
     uint64_t at = chunks_.size();
     chunks_.append(made.bytes);
     std::span<const std::byte> rest = made.bytes;
     for (uint32_t i = 0; i < name.groups; ++i) {
-      const uint32_t number = units_[name.unit].number_of(name.first_group + i);
+      const uint32_t number = number_of(name, i);
       asset::GroupEntry& entry = mesh_.groups[number];
-      entry.references = made.groups[i].references;
-      entry.chunk_bytes = made.groups[i].chunk_bytes;
+      entry.references = made.references[i];
+      entry.chunk_bytes = made.chunk_bytes[i];
       for (uint32_t r = 0; r < entry.references; ++r)
         ++mesh_.groups[asset::referred_group(rest, r)].parents;
       rest = rest.subspan(entry.chunk_bytes);
@@ -273,7 +242,7 @@ class Finisher {
   Finished finished_;
   asset::EncodedMesh mesh_;
   bool has_materials_ = false;  // vertices have them, since clusters mix them
-  std::vector<Unit> units_;     // by serial
+  EncodePlan plan_;
   std::vector<BlockName> blocks_;
   TemporaryFile chunks_;
   std::vector<ChunkPlace> chunk_at_;  // by group

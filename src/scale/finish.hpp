@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "scale/tiers.hpp"
 #include "umbel/asset.hpp"
 #include "umbel/lod/build.hpp"
 #include "umbel/types.hpp"
@@ -17,6 +18,7 @@ namespace umbel::scale {
 /// What has been built.
 struct FinishInput {
   std::vector<std::filesystem::path> parts;  ///< files of parts of all units, by serial number
+  std::vector<Task> units;                   ///< that left them; only for FinishOptions::run
   lod::Config config;
   /// Of the whole build, but for what it says of groups, which the parts know.
   lod::Report report;
@@ -39,8 +41,12 @@ struct FinishOptions {
   AssetConfig asset;
   /// Where it is set, it makes the metadata once everything but the bytes is known.
   std::function<std::string(const Finished&)> metadata;
-  /// A folder with room for as much as the asset takes. Nothing is left there.
+  /// A folder with room for as much as the asset takes. Nothing is left there, but for what tasks
+  /// leave.
   std::filesystem::path work;
+  /// Where it is set, groups are encoded as tasks, in the work folder that the parts are in. They
+  /// themselves need not be on this machine, their summaries must.
+  WatchedTaskRunner run;
 };
 
 /// Writes the asset beside `path` and renames it, so that a file of that name is always whole. The

@@ -11,7 +11,10 @@ namespace {
 
 // A few megabytes of clusters.
 constexpr uint32_t kBlockGroups = 64;
-constexpr uint32_t kSummary = kNone;  // its number in the file: behind all blocks
+
+std::filesystem::path summary_file(std::filesystem::path parts) {
+  return parts.replace_extension(".groups");
+}
 
 }  // namespace
 
@@ -32,7 +35,7 @@ void for_each_array(PartsBlock& block, Visit& visit) {
 
 PartsWriter::PartsWriter(const std::filesystem::path& path, const lod::Unit& unit,
                          const std::vector<Generator>& generators, uint32_t serial)
-    : file_(path), unit_(unit), known_(generators), serial_(serial) {
+    : path_(path), file_(path), unit_(unit), known_(generators), serial_(serial) {
   summary_.triangles = {0};
   summary_.box = {Aabb{}};
   summary_.largest_material = {0};
@@ -99,12 +102,12 @@ void PartsWriter::commit() {
   summary_.streams = {statistics_.streams};
   summary_.extras = statistics_.extras;
   summary_.extra_ranges = statistics_.extra_ranges;
-  file_.add(kSummary, bytes_of(summary_));
   file_.commit();
+  write_record(summary_file(path_), summary_);
 }
 
 PartsSummary read_summary(const std::filesystem::path& parts) {
-  return record_of<PartsSummary>(SliceReader(parts).read(kSummary));
+  return read_record<PartsSummary>(summary_file(parts));
 }
 
 PartsBlock read_block(const std::filesystem::path& parts, uint32_t block) {

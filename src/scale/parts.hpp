@@ -1,5 +1,5 @@
-// Files of parts: the groups that a unit has finished, in blocks that can be read one by one, and a
-// summary of them.
+// Files of parts: the groups that a unit has finished, in blocks that can be read one by one. A
+// summary of them is in a file of its own, since that is all the driver of many machines reads.
 #pragma once
 
 #include <cstdint>
@@ -61,13 +61,14 @@ class PartsWriter final : public lod::GroupSink {
 
   void add_group(const lod::NewGroup& group) override;
   void finish_level(const lod::ClusterSet& pending) override;
-  /// Writes the summary and gives the file its name.
+  /// Gives the file its name, and writes the summary.
   void commit();
 
  private:
   void add_cluster(const lod::ClusterSet& pending, uint32_t cluster);
   void write_block(uint32_t groups);
 
+  std::filesystem::path path_;
   SliceWriter file_;
   const lod::Unit& unit_;
   const std::vector<Generator>& known_;
@@ -81,6 +82,7 @@ class PartsWriter final : public lod::GroupSink {
   std::vector<uint32_t> used_;    // the unit's vertices that have one
 };
 
+/// Of a file of parts, which need not be there itself.
 PartsSummary read_summary(const std::filesystem::path& parts);
 PartsBlock read_block(const std::filesystem::path& parts, uint32_t block);
 

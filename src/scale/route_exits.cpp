@@ -55,7 +55,7 @@ Vec3 middle(const Aabb& box) {
 }
 
 void route_exits(const Exits& exits, const Partition& partition, uint64_t capacity,
-                 SharedLeafCounts& shared, const std::filesystem::path& path) {
+                 SharedLeafCounts shared, const std::filesystem::path& path) {
   std::map<uint32_t, std::vector<uint32_t>> clusters;  // by unit
   for (uint32_t c = 0; c < exits.clusters.size(); ++c) {
     const uint32_t leaf = partition.leaf(middle(exits.clusters.boxes[c]));

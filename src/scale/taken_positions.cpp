@@ -70,7 +70,10 @@ bool UnitPositions::contains(const Vec3& position) const {
   const bool is_own =
       is_dealt ? (hash >> 1) % partition_.units() == unit_ : partition_.home(position) == unit_;
   if (!is_own) return false;
-  std::call_once(is_read_, [&] { taken_ = TakenPositions::read(path_); });
+  std::call_once(is_read_, [&] {
+    if (fetch_) fetch_();
+    taken_ = TakenPositions::read(path_);
+  });
   return !taken_.may_contain(position);
 }
 

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <span>
 #include <utility>
@@ -39,9 +40,11 @@ class TakenPositions {
 /// their bits. The other half is dealt out among all units, wherever they are.
 class UnitPositions final : public lod::UnusedPositions {
  public:
-  /// `taken`: the file of the tier, read once it is needed. The partition must live longer.
-  UnitPositions(const Partition& partition, uint32_t unit, std::filesystem::path taken)
-      : partition_(partition), unit_(unit), path_(std::move(taken)) {}
+  /// `taken`: the file of the tier, read once it is needed, and fetched before, where `fetch` is
+  /// set. The partition must live longer.
+  UnitPositions(const Partition& partition, uint32_t unit, std::filesystem::path taken,
+                std::function<void()> fetch = {})
+      : partition_(partition), unit_(unit), path_(std::move(taken)), fetch_(std::move(fetch)) {}
 
   bool contains(const Vec3& position) const override;
 
@@ -49,6 +52,7 @@ class UnitPositions final : public lod::UnusedPositions {
   const Partition& partition_;
   uint32_t unit_;
   std::filesystem::path path_;
+  std::function<void()> fetch_;
   mutable std::once_flag is_read_;
   mutable TakenPositions taken_;
 };

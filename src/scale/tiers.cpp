@@ -7,16 +7,15 @@
 #include <vector>
 
 #include "scale/build_partition.hpp"
-#include "scale/exits.hpp"
 #include "scale/join_parts.hpp"
 #include "scale/point_rule.hpp"
 #include "scale/route.hpp"
-#include "scale/route_exits.hpp"
 #include "scale/route_file.hpp"
+#include "scale/run_task.hpp"
 #include "scale/summary.hpp"
 #include "scale/taken_positions.hpp"
+#include "scale/tier_plan.hpp"
 #include "scale/undecided_edges.hpp"
-#include "scale/unit_task.hpp"
 #include "scale/work_file.hpp"
 #include "scale/work_folder.hpp"
 
@@ -28,36 +27,6 @@ namespace fs = std::filesystem;
 // A tier that keeps more than this part of the triangles, by the rounds that it has, is followed by
 // one of larger units: what is left is mostly borders.
 double least_progress(uint32_t rounds) { return rounds > 1 ? 0.85 : 0.92; }
-
-// Of a tier, for its tasks: what is one value is an array of one.
-struct TierPlan {
-  std::vector<TierConfig> tier;
-  std::vector<uint32_t> first_serial, shards;
-  std::vector<std::byte> partition;
-  std::vector<PositionEdge> non_manifold;
-  std::vector<uint8_t> streams;  // normals, tangents, uvs, colours, materials
-  std::vector<Extra> extras;
-};
-
-template <typename Visit>
-void for_each_array(TierPlan& plan, Visit& visit) {
-  visit(plan.tier), visit(plan.first_serial), visit(plan.shards), visit(plan.partition);
-  visit(plan.non_manifold), visit(plan.streams), visit(plan.extras);
-}
-
-// Of a unit that is built, beside its parts and exits.
-struct UnitSummary {
-  std::vector<uint32_t> next_level;
-  std::vector<uint64_t> triangles;  // of the exits
-  std::vector<uint64_t> undecided;  // edges
-  std::vector<lod::Report> report;
-};
-
-template <typename Visit>
-void for_each_array(UnitSummary& summary, Visit& visit) {
-  visit(summary.next_level), visit(summary.triangles), visit(summary.undecided);
-  visit(summary.report);
-}
 
 // What the passes over the input have found.
 struct Passes {
@@ -80,11 +49,6 @@ uint32_t resolution_of(uint64_t triangles) {
   while (resolution < 256 && uint64_t{resolution} * resolution * resolution < 64 * triangles)
     resolution *= 2;
   return resolution;
-}
-
-io::SourceStreams streams_of(const TierPlan& plan) {
-  const auto& s = plan.streams;
-  return {s[0] != 0, s[1] != 0, s[2] != 0, s[3] != 0, s[4] != 0, plan.extras};
 }
 
 void add_to(lod::Report& sum, const lod::Report& report) {
@@ -222,7 +186,7 @@ class Tiers {
       write_taken(tier - 1);
       taken = TakenPositions::read(taken_file(work_, tier - 1));
       const auto units = read_record<TierPlan>(plan_file(work_, tier)).shards.at(0);
-      for (uint32_t u = 0; u < units; ++u) taken.add(exits_of(tier - 1, u).new_positions);
+      for (uint32_t u = 0; u < units; ++u) taken.add(left_of(tier - 1, u).new_positions);
     }
     taken.write(taken_file(work_, tier));
   }
@@ -246,15 +210,40 @@ class Tiers {
     return builder.finished();
   }
 
+  // Runs tasks that need no report of their own, but for those that are done.
+  void sort_elsewhere(uint32_t files) const {
+    std::vector<Task> missing;
+    for (uint32_t s = 0; s < files; ++s)
+      if (!is_sorted(s)) missing.push_back({tier_, s, TaskKind::kSort});
+    if (missing.empty()) return;
+    options_.run(missing, [&](size_t /*done*/) { report(fraction_, "sorting"); });
+  }
+
+  bool is_sorted(uint32_t file) const {
+    // Whether the file itself is whole, whoever needs it will see.
+    if (options_.delegation.is_stand_in) return is_whole(places_file(work_, tier_, file));
+    const fs::path path = shard_file(work_, tier_, file);
+    return tier_ == 0 ? is_whole_route(path) : is_whole(path);
+  }
+
   // The last pass over the input, but for the files that are there and whole.
   void route_source() const {
+    // Who shares a leaf depends on all triangles before.
+    if (options_.delegation.source && partition_.shared_leaves() == 0) {
+      try {
+        return sort_elsewhere(shards_);
+      } catch (const Error& error) {
+        // Where others cannot read the source, this process does it.
+        if (error.code() != ErrorCode::kIo) throw;
+      }
+    }
     SharedLeafCounts before;
     for (uint32_t s = 0; s < shards_; ++s) {
       const uint64_t begin = s * kShardTriangles;
       const uint64_t end = std::min(begin + kShardTriangles, triangles_);
       report(0.05 + 0.05 * part(begin), "sorting");
       const fs::path path = shard_file(work_, 0, s);
-      if (!is_whole_route(path))
+      if (!is_whole_route(path) && !(options_.delegation.is_stand_in && is_sorted(s)))
         route_shard(source_, partition_, {rule_, scale_.capacity}, before, begin, end, path);
       for (const auto& [leaf, count] : count_shared_leaves(source_, rule_, partition_, begin, end))
         before[leaf] += count;
@@ -269,6 +258,8 @@ class Tiers {
 
   void write_plan() {
     plan_.first_serial = {serial_};
+    plan_.capacity = {scale_.capacity};
+    plan_.rule = {rule_};
     plan_.partition = partition_.bytes();
     write_record(plan_file(work_, tier_), plan_);
   }
@@ -277,9 +268,9 @@ class Tiers {
   bool is_done(const Task& task) const {
     const fs::path done = unit_file(work_, task, ".done");
     if (!fs::exists(done)) return false;
-    if (is_whole(done) && is_whole(unit_file(work_, task, ".parts")) &&
-        is_whole(unit_file(work_, task, ".exits")))
-      return true;
+    const auto has = [&](const char* what) { return is_whole(unit_file(work_, task, what)); };
+    const bool has_data = options_.delegation.is_stand_in || (has(".parts") && has(".exits"));
+    if (has_data && is_whole(done) && has(".groups") && has(".left")) return true;
     fs::remove(done);
     return false;
   }
@@ -317,6 +308,7 @@ class Tiers {
       next_level = std::max(next_level, summary.next_level[0]);
       add_to(built_.report, summary.report[0]);
       built_.parts.push_back(unit_file(work_, task, ".parts"));
+      built_.units.push_back(task);
     }
     if (static_cast<double>(left) > least_progress(rounds_) * static_cast<double>(triangles_))
       scale_.capacity *= 2;
@@ -329,11 +321,15 @@ class Tiers {
   // The largest files, and no unit needs them any more. Should one have to be built again, they are
   // made again.
   void remove_routes() const {
-    for (uint32_t s = 0; s < plan_.shards[0]; ++s) fs::remove(shard_file(work_, tier_, s));
+    for (uint32_t s = 0; s < plan_.shards[0]; ++s) {
+      fs::remove(shard_file(work_, tier_, s));
+      // What others sorted is where they are.
+      if (!options_.delegation.is_stand_in) fs::remove(places_file(work_, tier_, s));
+    }
   }
 
-  Exits exits_of(uint32_t tier, uint32_t unit) const {
-    return read_record<Exits>(unit_file(work_, {tier, unit}, ".exits"));
+  ExitSummary left_of(uint32_t tier, uint32_t unit) const {
+    return read_record<ExitSummary>(unit_file(work_, {tier, unit}, ".left"));
   }
 
   // Its plan; the way there is only taken once a unit of it must be built.
@@ -352,25 +348,37 @@ class Tiers {
     plan_.non_manifold = tier_ == 0 ? decide_edges(units) : std::vector<PositionEdge>{};
     partition_ = plan_.tier[0].is_last ? Partition() : partition_of_exits(units);
     plan_.shards = {units};
+    plan_.shared = shared_before(units);
     ++tier_;
     write_plan();
   }
 
+  // Which of the units that share a leaf gets a cluster depends on all that were left before.
+  std::vector<SharedBefore> shared_before(uint32_t units) const {
+    std::vector<SharedBefore> all;
+    if (partition_.shared_leaves() == 0) return all;
+    SharedLeafCounts counts;
+    for (uint32_t u = 0; u < units; ++u) {
+      for (const auto& [leaf, triangles] : counts) all.push_back({u, leaf, triangles});
+      const ExitSummary left = left_of(tier_, u);
+      for (size_t c = 0; c < left.middles.size(); ++c)
+        if (const uint32_t leaf = partition_.leaf(left.middles[c]); partition_.unit_count(leaf) > 1)
+          counts[leaf] += left.triangles[c];
+    }
+    return all;
+  }
+
   void route_tier() const {
-    const bool is_shared = partition_.shared_leaves() > 0;
-    SharedLeafCounts shared;
+    if (options_.delegation.sorting) return sort_elsewhere(plan_.shards[0]);
     for (uint32_t u = 0; u < plan_.shards[0]; ++u) {
       report(fraction_, "sorting");
-      const fs::path path = shard_file(work_, tier_, u);
-      // Which unit of a shared leaf is next depends on all slices before.
-      if (!is_shared && is_whole(path)) continue;
-      route_exits(exits_of(tier_ - 1, u), partition_, scale_.capacity, shared, path);
+      if (!is_sorted(u)) run_task(work_, {tier_, u, TaskKind::kSort});
     }
   }
 
   std::vector<PositionEdge> decide_edges(uint32_t units) const {
     UndecidedEdges edges(tier_folder(work_, 0) / "edges", undecided_);
-    for (uint32_t u = 0; u < units; ++u) edges.add(exits_of(0, u).undecided);
+    for (uint32_t u = 0; u < units; ++u) edges.add(left_of(0, u).undecided);
     return edges.non_manifold();
   }
 
@@ -382,10 +390,9 @@ class Tiers {
     while (!builder.is_done()) {
       CellCounts counts = builder.empty_counts();
       for (uint32_t u = 0; u < units; ++u) {
-        const Exits exits = exits_of(tier_, u);
-        for (size_t c = 0; c < exits.clusters.size(); ++c)
-          builder.count(counts, middle(exits.clusters.boxes[c]),
-                        static_cast<uint32_t>(exits.clusters.cluster_corners(c).size() / 3));
+        const ExitSummary left = left_of(tier_, u);
+        for (size_t c = 0; c < left.middles.size(); ++c)
+          builder.count(counts, left.middles[c], left.triangles[c]);
       }
       builder.advance(counts);
     }
@@ -409,41 +416,6 @@ class Tiers {
 };
 
 }  // namespace
-
-void run_task(const std::filesystem::path& work, const Task& task,
-              const std::optional<std::vector<uint32_t>>& shards) {
-  const auto plan = read_record<TierPlan>(plan_file(work, task.tier));
-  const Partition partition = Partition::from_bytes(plan.partition);
-  const TierConfig& tier = plan.tier.at(0);
-  const uint32_t serial = plan.first_serial.at(0) + task.unit;
-  std::vector<fs::path> files;
-  if (shards)
-    for (const uint32_t s : *shards) files.push_back(shard_file(work, task.tier, s));
-  else
-    for (uint32_t s = 0; s < plan.shards.at(0); ++s)
-      files.push_back(shard_file(work, task.tier, s));
-  const UnitPositions unused(partition, task.unit, taken_file(work, task.tier));
-  const bool may_enlarge = tier.config.keep_area && !tier.is_whole;
-  const UnitOutput output{serial, unit_file(work, task, ".parts"), may_enlarge ? &unused : nullptr};
-  BuiltUnit built;
-  if (task.tier == 0) {
-    built = build_unit(read_unit(files, partition, streams_of(plan), tier.box, task.unit), tier,
-                       output);
-  } else {
-    std::vector<Slice> slices;
-    for (const fs::path& file : files) {
-      const std::vector<std::byte> bytes = SliceReader(file).read(task.unit);
-      if (!bytes.empty()) slices.push_back(record_of<Slice>(bytes));
-    }
-    built = build_unit(std::move(slices), plan.non_manifold, partition, task.unit, tier, output);
-  }
-  write_record(unit_file(work, task, ".exits"), built.exits);
-  UnitSummary summary{{built.next_level},
-                      {built.exits.clusters.triangle_count()},
-                      {built.exits.undecided.size()},
-                      {built.report}};
-  write_record(unit_file(work, task, ".done"), summary);
-}
 
 BuiltTiers build_tiers(const io::TriangleSource& source, const lod::Config& config,
                        const ScaleConfig& scale, const std::filesystem::path& work,

@@ -27,21 +27,39 @@ struct ScaleConfig {
   }
 };
 
+enum class TaskKind : uint8_t {
+  kBuild,   ///< a unit
+  kSort,    ///< brings to the units of a tier what one unit of the tier before left, or one stretch
+            ///< of the source has; `unit` is its number
+  kEncode,  ///< the groups of a unit, for the asset
+};
+
 struct Task {
   uint32_t tier, unit;
+  TaskKind kind = TaskKind::kBuild;
+  uint64_t plan = 0;  ///< kEncode: which plan, see encode.hpp
 };
 
 /// Runs every task once; returns when all are done.
 using TaskRunner = std::function<void(std::span<const Task>)>;
 
-/// One task, by what is in the folder alone. `shards`: numbers of the routed files that have
-/// something for it, rising, where a machine was given only these; without them all are read.
-void run_task(const std::filesystem::path& work, const Task& task,
-              const std::optional<std::vector<uint32_t>>& shards = std::nullopt);
+/// Runs every task once, and returns when all are done; may call the function with how many are.
+using WatchedTaskRunner =
+    std::function<void(std::span<const Task>, const std::function<void(size_t)>&)>;
+
+/// What goes to whoever runs the tasks, besides building units.
+struct Delegation {
+  bool sorting = false;   ///< of what units have left
+  bool source = false;    ///< sorting of the source, which others can read as well
+  bool encoding = false;  ///< of groups, for the asset
+  /// The folder stands for one elsewhere, which alone has parts, exits and what others sorted. What
+  /// says that they are there is here.
+  bool is_stand_in = false;
+};
 
 struct TierOptions {
-  /// Runs every task once, and returns when all are done; may call the function with how many are.
-  std::function<void(std::span<const Task>, const std::function<void(size_t)>&)> run;
+  WatchedTaskRunner run;
+  Delegation delegation;
   /// Of everything, up to 0.9: writing the asset is the rest. May throw, to stop.
   std::function<void(double fraction, std::string_view stage)> progress;
   /// The input is known to be that of the build that the folder has: it is not read to make sure.
@@ -53,6 +71,7 @@ struct TierOptions {
 /// What is left once all units are built.
 struct BuiltTiers {
   std::vector<std::filesystem::path> parts;  ///< rising by serial number
+  std::vector<Task> units;                   ///< that left them
   lod::Report report;                        ///< but for what it says of groups
   uint64_t source_digest = 0;
   Vec3d origin{};  ///< that positions are relative to

@@ -66,6 +66,39 @@ SlicePlaces SliceReader::places() const {
   return places;
 }
 
+namespace {
+
+struct PlacesRecord {
+  std::vector<uint64_t> bytes, common, slices;
+};
+
+template <typename Visit>
+void for_each_array(PlacesRecord& record, Visit& visit) {
+  visit(record.bytes), visit(record.common), visit(record.slices);
+}
+
+}  // namespace
+
+void write_places(const std::filesystem::path& path, const SlicePlaces& places) {
+  PlacesRecord record{{places.bytes}, {}, {}};
+  for (const auto& [begin, end] : places.common)
+    record.common.insert(record.common.end(), {begin, end});
+  for (const auto& [unit, begin, end] : places.slices)
+    record.slices.insert(record.slices.end(), {unit, begin, end});
+  write_record(path, record);
+}
+
+SlicePlaces read_places(const std::filesystem::path& path) {
+  const auto record = read_record<PlacesRecord>(path);
+  SlicePlaces places{record.bytes.at(0), {}, {}};
+  for (size_t i = 0; i + 1 < record.common.size(); i += 2)
+    places.common.emplace_back(record.common[i], record.common[i + 1]);
+  for (size_t i = 0; i + 2 < record.slices.size(); i += 3)
+    places.slices.emplace_back(static_cast<uint32_t>(record.slices[i]), record.slices[i + 1],
+                               record.slices[i + 2]);
+  return places;
+}
+
 bool is_whole(const std::filesystem::path& path) { return is_whole_file<SliceReader>(path); }
 
 }  // namespace umbel::scale

@@ -116,6 +116,10 @@ Record record_of(std::span<const std::byte> bytes) {
   return record;
 }
 
+/// Files of their own for places.
+void write_places(const std::filesystem::path& path, const SlicePlaces& places);
+SlicePlaces read_places(const std::filesystem::path& path);
+
 /// A file of one record.
 template <typename Record>
 void write_record(const std::filesystem::path& path, Record& record) {

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cerrno>
+#include <cinttypes>
 #include <cstdio>
 #include <fstream>
 #include <map>
@@ -83,6 +84,12 @@ std::string text_of(Integer value) {
 std::string number(uint32_t n) {
   std::array<char, 16> text;
   std::snprintf(text.data(), text.size(), "%06u", n);
+  return text.data();
+}
+
+std::string hexadecimal(uint64_t n) {
+  std::array<char, 20> text;
+  std::snprintf(text.data(), text.size(), "%016" PRIx64, n);
   return text.data();
 }
 
@@ -230,6 +237,19 @@ fs::path shard_file(const fs::path& work, uint32_t tier, uint32_t shard) {
 
 fs::path taken_file(const fs::path& work, uint32_t tier) {
   return tier_folder(work, tier) / "taken";
+}
+
+fs::path places_file(const fs::path& work, uint32_t tier, uint32_t shard) {
+  return shard_file(work, tier, shard).replace_extension(".places");
+}
+
+fs::path encode_plan_file(const fs::path& work, uint64_t plan) {
+  return tier_folder(work, 0) / std::string("encode-").append(hexadecimal(plan));
+}
+
+fs::path chunks_file(const fs::path& work, const Task& task) {
+  const std::string ending = std::string(".").append(hexadecimal(task.plan)).append(".chunks");
+  return unit_file(work, task, ending.c_str());
 }
 
 void make_tier_folders(const fs::path& work, uint32_t tier) {

@@ -59,6 +59,11 @@ std::filesystem::path unit_file(const std::filesystem::path& work, const Task& t
 std::filesystem::path shard_file(const std::filesystem::path& work, uint32_t tier, uint32_t shard);
 /// Of TakenPositions, as they were before the tier.
 std::filesystem::path taken_file(const std::filesystem::path& work, uint32_t tier);
+/// Where in a sorted file is what (SlicePlaces), for machines that do not have the file.
+std::filesystem::path places_file(const std::filesystem::path& work, uint32_t tier, uint32_t shard);
+/// See encode.hpp.
+std::filesystem::path encode_plan_file(const std::filesystem::path& work, uint64_t plan);
+std::filesystem::path chunks_file(const std::filesystem::path& work, const Task& task);
 void make_tier_folders(const std::filesystem::path& work, uint32_t tier);
 
 }  // namespace umbel::scale

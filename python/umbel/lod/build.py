@@ -34,6 +34,7 @@ from umbel.io import load_scene
 from umbel.lod.lod import Lod
 
 if TYPE_CHECKING:
+    from umbel.scale.executor import Executor
     from umbel.scale.stored_lod import StoredLod
 
 SEAM_RULES = {"protect": 0, "allow": 1, "ignore": 2}
@@ -82,6 +83,7 @@ def build_lod(
     work: None = None,
     resume: Literal[False] = False,
     unit_triangles: None = None,
+    executor: None = None,
     progress: Progress | None = None,
     threads: int = 0,
 ) -> Lod: ...
@@ -130,14 +132,15 @@ def build_lod(  # type: ignore[misc]  # the second overload does not list all se
     work: str | os.PathLike[str] | None = None,
     resume: bool = False,
     unit_triangles: int | None = None,
+    executor: Executor | None = None,
     progress: Progress | None = None,
     threads: int = 0,
 ) -> Lod | StoredLod:
     """Builds the DAG of a mesh, a path, or anything with .vertices and .faces.
 
-    With `memory`, `work` or `unit_triangles` a mesh of any size, in units (docs/scale.md): what
-    comes back then is a `StoredLod`, an open `Asset`. The mesh may also be several paths or an
-    iterable of blocks, as `build_asset` takes them.
+    With `memory`, `work`, `unit_triangles` or `executor` a mesh of any size, in units
+    (docs/scale.md): what comes back then is a `StoredLod`, an open `Asset`. The mesh may also be
+    several paths or an iterable of blocks, as `build_asset` takes them.
 
     max_triangles, max_vertices: most a cluster may have (4..256, 6..256; 0: no limit but 256).
     min_triangles: least a cluster should have; 0: a quarter of max_triangles.
@@ -185,9 +188,10 @@ def build_lod(  # type: ignore[misc]  # the second overload does not list all se
     memory: most bytes that a build in units takes, or a text such as "2GB"; by default three
         quarters of what is free.
     work: a folder for what is built before it is whole, some 60 bytes a triangle; by default one
-        for temporary files.
+        for temporary files. With an executor one that all machines have, or an address.
     resume: go on with what an earlier call with the same arguments left in `work`.
     unit_triangles: most triangles of a unit, by default 4 Mi.
+    executor: builds units elsewhere, such as `umbel.scale.Ray()`: see `build_asset`.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
     """
     # Long, because every setting is named and described here.
@@ -223,7 +227,8 @@ def build_lod(  # type: ignore[misc]  # the second overload does not list all se
     }
     if max_error != math.inf:
         config["max_error"] = max_error
-    if memory is not None or work is not None or resume or unit_triangles is not None:
+    given_limits = (memory, work, unit_triangles, executor)
+    if resume or any(limit is not None for limit in given_limits):
         from umbel.scale.stored_lod import build_stored
 
         refused = {
@@ -233,8 +238,8 @@ def build_lod(  # type: ignore[misc]  # the second overload does not list all se
             "precision": precision is not None,
             "allow_outside": allow_outside,
         }
-        limits = {"memory": memory, "resume": resume, "force": force}
-        limits["unit_triangles"] = unit_triangles or 0
+        limits: dict[str, Any] = {"memory": memory, "resume": resume, "force": force}
+        limits |= {"unit_triangles": unit_triangles or 0, "executor": executor}
         return build_stored(mesh, config, refused, limits, work, progress, threads)
     _warn_of_size(mesh)
     given = _one_mesh(mesh, allow_outside)

@@ -28,9 +28,11 @@ from umbel.plain_json import encode
 from umbel.scale.executor import Executor, library
 from umbel.scale.feed import Feed
 from umbel.scale.memory import limit_of
+from umbel.scale.source_files import write_recipe
 from umbel.scale.staging import Staging
 from umbel.scale.storage import (
     as_path,
+    check_writable,
     expand,
     fetch_sources,
     is_address,
@@ -183,7 +185,12 @@ def build_with(
     identity = [("format", "1"), ("library", library()), ("input", place.named)]
     limit = limit_of(memory)
     staging = Staging(place.url, folder_path) if place.url else None
-    folder = _umbel.WorkFolder(folder_path, native, unit_triangles, identity, resume)
+    try:
+        folder = _umbel.WorkFolder(folder_path, native, unit_triangles, identity, resume)
+    except BaseException:
+        if staging:
+            staging.close()
+        raise
     try:
         if staging:
             staging.begin()
@@ -198,8 +205,9 @@ def build_with(
         count = min(workers, plan["workers"]) if workers > 0 else plan["workers"]
         feed = None
         if executor:
-            executor.start(plan["unit_bytes"], 1)
-            feed = Feed(executor, str(folder_path.absolute()), 1, staging)
+            sorts = write_recipe(opened, place.files, folder_path, staging is not None)
+            executor.start(max(plan["unit_bytes"], _sorting_bytes(opened)), 1)
+            feed = Feed(executor, str(folder_path.absolute()), 1, staging, sorts)
         materials, files = write_materials(
             opened.materials, textures, made.absolute().parent, thread_count(threads)
         )
@@ -247,6 +255,8 @@ def build_with(
         if place.output_url:
             stored["sha256"] = sha256_of(made)
             put_file(made, place.output_url)
+        if staging:
+            staging.check()
         folder.remove()
         if staging:
             staging.remove()
@@ -281,7 +291,7 @@ def build_with(
         "workers": count,
         "unit_triangles": unit_triangles or 4 << 20,
         **stored,
-        **({"units": feed.measured} if feed else {}),
+        **({"units": feed.units, "tasks": feed.measured} if feed else {}),
     }
 
 
@@ -326,6 +336,9 @@ def _place(source: Any, output: str | os.PathLike[str], work: Any, is_elsewhere:
     url = str(work).rstrip("/") if is_address(work) else None
     if url and not is_elsewhere:
         raise Error(f"{url}: a work folder at an address is for a build with an executor")
+    for address in (url, output_url):
+        if address:
+            check_writable(address)
     root = None
     if url or output_url or any(is_address(name) for name in names):
         root = scratch(url or output_url or os.path.abspath(as_path(output)))
@@ -348,6 +361,11 @@ def _command(threads: int) -> list[str]:
         "sys.exit(main(sys.argv[1:]))"
     )
     return [sys.executable, "-c", code, str(threads)]
+
+
+def _sorting_bytes(source: Source) -> int:
+    """What sorting a stretch of the source takes."""
+    return (60 << 20) + 120 * min(int(source.triangles.triangles), 2 << 20)
 
 
 def _warn_of_rounding(source: Source, finished: dict[str, Any], named: str) -> None:

@@ -1,30 +1,41 @@
 """Who builds the units: the interface between a build and whatever runs its tasks.
 
-A task is a name: a work folder, a tier and a unit. Data never go through an executor; they are in
-the work folder, which is a path that all machines have, or an address (`umbel.scale.staging`).
+A task is a name: what to do, a work folder, a tier and a unit. Data never go through an executor;
+they are in the work folder, which is a path that all machines have, or an address
+(`umbel.scale.staging`).
 """
 
 from __future__ import annotations
 
 import functools
 import hashlib
+import json
 import time
 from abc import ABC, abstractmethod
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from umbel import _umbel
 from umbel.errors import Error
+from umbel.io.blocks.layout import again
 
+#: In a work folder: how to open the source.
+SOURCE = "t0/source.json"
 #: As the library numbers kinds of errors.
 CODES = ("invalid_argument", "invalid_mesh", "io", "corrupt", "unsupported", "cancelled", "device")
 
 
+#: What tasks do, as the library numbers it: build a unit; bring to the units of a tier what a unit
+#: of the tier before left, or one stretch of the source has; encode the groups of a unit.
+KINDS = ("build", "sort", "encode")
+
+
 @dataclass(frozen=True)
 class Input:
-    """A routed file, and the stretches of it that a unit needs."""
+    """A sorted file, and the stretches of it that a unit needs."""
 
     shard: int
     bytes: int  #: of the whole file
@@ -33,7 +44,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Task:
-    """One unit to build."""
+    """One thing to do; mostly one unit to build."""
 
     work: str  #: a folder that all machines have, or an address
     tier: int
@@ -42,12 +53,17 @@ class Task:
     library: str  #: the build of the library that must do it
     #: What to fetch where `work` is an address.
     inputs: tuple[Input, ...] | None = None
-    files: tuple[str, ...] = ()  #: and of files that all units of the tier need, all
+    files: tuple[str, ...] = ()  #: and of files that some units need, all
+    kind: str = "build"
+    plan: int = 0  #: of encoding: which
 
     @property
     def name(self) -> str:
         """For sentences."""
-        return f"unit {self.unit} of tier {self.tier}"
+        if self.kind == "sort":
+            return f"sorting file {self.unit} of tier {self.tier}"
+        unit = f"unit {self.unit} of tier {self.tier}"
+        return f"encoding {unit}" if self.kind == "encode" else unit
 
 
 @dataclass(frozen=True)
@@ -55,7 +71,7 @@ class Result:
     """A task that has ended."""
 
     task: Task
-    error: str = ""  #: a sentence; empty where the unit is built
+    error: str = ""  #: a sentence; empty where it is done
     code: str = "unsupported"
     #: Seconds and bytes of fetching, building and storing.
     measured: dict[str, float] = field(default_factory=dict)
@@ -101,7 +117,7 @@ class InProcess(Executor):
 
 
 def perform(task: Task) -> Result:
-    """Builds a unit; what every executor has called. Whoever calls it again does no harm: files
+    """Does a task; what every executor has called. Whoever calls it again does no harm: files
     get their names when they are whole, and a unit's bytes are always the same."""
     try:
         if task.library != library():
@@ -111,7 +127,8 @@ def perform(task: Task) -> Result:
 
             return Result(task, measured=perform_staged(task))
         began = time.perf_counter()
-        _umbel.run_unit(task.work, task.tier, task.unit, task.threads)
+        source = shared_source(task) if task.kind == "sort" and task.tier == 0 else None
+        run(task, task.work, None, source)
         return Result(task, measured={"build_seconds": time.perf_counter() - began})
     except Error as error:
         return Result(task, str(error), error.code if error.code in CODES else "unsupported")
@@ -119,6 +136,27 @@ def perform(task: Task) -> Result:
         return Result(task, f"{task.name} needs more memory than there is", "io")
     except Exception as error:  # every file system has its own
         return Result(task, f"{task.name}: {type(error).__name__}: {error}", "io")
+
+
+def run(
+    task: Task,
+    folder: str | Path,
+    shards: list[int] | None,
+    source: Any,
+    fetch_taken: Callable[[], None] | None = None,
+) -> None:
+    """Does a task in a folder of this machine."""
+    which = (KINDS.index(task.kind), task.tier, task.unit, task.plan)
+    _umbel.run_task(folder, *which, task.threads, shards, source, fetch_taken)
+
+
+def shared_source(task: Task) -> Any:
+    """The source, of files that all machines have."""
+    recipe = json.loads(Path(task.work, SOURCE).read_text())
+    missing = [name for name in recipe["files"] if not Path(name).is_file()]
+    if missing:
+        raise OSError(f"{missing[0]} is not on this machine")
+    return _umbel.TableSource(again(recipe))
 
 
 @functools.cache

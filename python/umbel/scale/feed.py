@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from umbel.scale.executor import CODES, Executor, Result, Task, library
+from umbel.scale.executor import CODES, KINDS, Executor, Result, Task, library
 
 if TYPE_CHECKING:
     from umbel.scale.staging import Staging
 
-#: Times that a unit is tried whose machine, process or files were lost.
+#: Times that a task is tried whose machine, process or files were lost.
 _TRIES = 5
 
 
@@ -19,37 +19,45 @@ class Feed:
 
     folder: where the build works on this machine.
     staging: brings data to an address and back; None where all machines have the folder.
+    sorts_source: others can read the source, and sort it.
     """
 
     def __init__(
-        self, executor: Executor, folder: str, threads: int, staging: Staging | None = None
+        self,
+        executor: Executor,
+        folder: str,
+        threads: int,
+        staging: Staging | None = None,
+        sorts_source: bool = False,
     ) -> None:
         self._executor = executor
         self._folder = folder
         self._threads = threads
         self._staging = staging
-        self._tries: Counter[tuple[int, int]] = Counter()
-        #: Of each unit that was built: what it took.
-        self.measured: list[dict[str, float]] = []
+        self.sorts_source = sorts_source
+        self.is_stand_in = staging is not None
+        self._tries: Counter[tuple[str, int, int]] = Counter()
+        #: Of each task that was done: what it took.
+        self.measured: list[dict[str, float | str]] = []
 
     def slots(self) -> int:
         """Tasks that may be under way at once."""
         return max(1, self._executor.slots())
 
-    def submit(self, tier: int, unit: int) -> None:
-        """Has a unit built."""
-        if self._staging is None:
-            task = Task(self._folder, tier, unit, self._threads, library())
-        else:
-            inputs = self._staging.inputs(tier, unit)
-            files = self._staging.files(tier)
-            task = Task(self._staging.url, tier, unit, self._threads, library(), inputs, files)
+    def submit(self, kind: int, tier: int, unit: int, plan: int) -> None:
+        """Has a task done."""
+        place = self._staging.url if self._staging else self._folder
+        task = Task(place, tier, unit, self._threads, library(), kind=KINDS[kind], plan=plan)
+        if self._staging:
+            task = self._staging.prepared(task)
         self._executor.submit(task)
 
     def wait(self, seconds: float) -> tuple[int, int, int, str] | None:
-        """A unit that has ended: tier, unit, the error's kind, and a sentence or nothing."""
+        """A task that has ended: tier, unit, the error's kind, and a sentence or nothing."""
         fetched = None
         result = None
+        if self._staging:
+            self._staging.check()
         if self._staging and self._staging.is_fetching():
             result = self._executor.wait(0)
             if result is None:
@@ -60,8 +68,9 @@ class Feed:
             return None
         task = result.task
         if result.error:
-            self._tries[task.tier, task.unit] += 1
-            if result.code == "io" and self._tries[task.tier, task.unit] < _TRIES:
+            name = (task.kind, task.tier, task.unit)
+            self._tries[name] += 1
+            if result.code == "io" and self._tries[name] < _TRIES:
                 self._executor.submit(task)
                 return None
         elif self._staging and not fetched:
@@ -72,5 +81,11 @@ class Feed:
     def _ended(self, result: Result) -> tuple[int, int, int, str]:
         task = result.task
         if not result.error:
-            self.measured.append({"tier": task.tier, "unit": task.unit, **result.measured})
+            done: dict[str, float | str] = {"kind": task.kind, "tier": task.tier}
+            self.measured.append({**done, "unit": task.unit, **result.measured})
         return task.tier, task.unit, CODES.index(result.code), result.error
+
+    @property
+    def units(self) -> list[dict[str, float | str]]:
+        """Of each unit that was built: what it took."""
+        return [done for done in self.measured if done["kind"] == "build"]

@@ -1,4 +1,5 @@
-"""Files at addresses: what fsspec knows, such as s3://, gcs://, az://, sftp:// and http://."""
+"""Files at addresses: what fsspec knows, such as s3://, gcs://, az:// and sftp://; http:// can only
+be read."""
 
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from umbel.errors import Error
+from umbel.io.addresses import name_of
 
 
 def is_address(name: Any) -> bool:
@@ -59,6 +61,21 @@ class Folder:
         finally:
             part.unlink(missing_ok=True)
 
+    def read(self, name: str) -> bytes | None:
+        """A small file as it is now; None where there is none."""
+        try:
+            self._system.invalidate_cache()
+            data: bytes = self._system.cat_file(self._at(name))
+        except FileNotFoundError:
+            return None
+        return data
+
+    def write(self, name: str, data: bytes, only_new: bool = False) -> None:
+        """A small file. only_new: raises FileExistsError if there is one, where the file system
+        knows how to make sure; others write."""
+        mode = {"mode": "create"} if only_new else {}
+        self._system.pipe_file(self._at(name), data, **mode)
+
     def stretches(self, wanted: Sequence[tuple[str, int, int]]) -> list[bytes]:
         """Bytes from the first to one past the last, of files by name."""
         if not wanted:
@@ -87,9 +104,22 @@ def _open(url: str) -> tuple[Any, str]:
         raise Error(f"{url}: addresses need fsspec: pip install 'umbel[remote]'") from None
     try:
         system, path = fsspec.core.url_to_fs(url)
+    except ImportError as error:
+        said = str(error).strip() or "a package is missing"
+        raise Error(f"{url}: {said} (pip install)") from None
     except Exception as error:  # every file system has its own
         raise Error(f"cannot use {url}: {error}") from None
     return system, str(path).rstrip("/")
+
+
+def check_writable(url: str) -> None:
+    """Throws before anything is built where nothing could be stored."""
+    if url.startswith(("http://", "https://")):
+        raise Error(
+            f"{url}: sources can be read by HTTP, but nothing can be written; name a folder, or an "
+            "address such as s3://bucket/name"
+        )
+    _open(url)
 
 
 def scratch(url: str) -> Path:
@@ -133,7 +163,7 @@ def fetch_sources(names: Sequence[str], folder: Path) -> list[Path]:
         if name.lower().endswith(".gltf"):
             raise Error(f"{name}: a .gltf refers to other files; give a .glb")
         system, at = _open(name)
-        path = folder / f"{number:06d}" / at.rsplit("/", 1)[-1]
+        path = folder / f"{number:06d}" / name_of(name)
         try:
             about = system.info(at)
             which = json.dumps({k: str(about.get(k)) for k in ("size", "ETag", "LastModified")})
@@ -147,6 +177,12 @@ def fetch_sources(names: Sequence[str], folder: Path) -> list[Path]:
             raise Error(f"cannot read {name}: {error}") from None
         paths.append(path)
     return paths
+
+
+def fetch_file(name: str, path: Path) -> None:
+    """The file at an address."""
+    system, at = _open(name)
+    system.get_file(at, str(path))
 
 
 def sha256_of(path: Path) -> str:

@@ -18,12 +18,13 @@ from umbel.geometry.repair import Progress
 from umbel.io.files import replacing
 from umbel.lod.asset import Asset
 from umbel.scale.build_asset import build_with
+from umbel.scale.storage import as_path, is_address
 
 
 class StoredLod(Asset):
-    """What `build_lod` gives with `memory`, `work` or `unit_triangles`: an open asset, with what is
-    known of the build. Its file is a temporary one: it goes with this object, as a `Lod` does, and
-    `save` keeps it."""
+    """What `build_lod` gives with `memory`, `work`, `unit_triangles` or `executor`: an open asset,
+    with what is known of the build. Its file is a temporary one: it goes with this object, as a
+    `Lod` does, and `save` keeps it."""
 
     def __init__(self, path: Path, report: dict[str, Any]) -> None:
         super().__init__(path)
@@ -84,9 +85,11 @@ def build_stored(
         raise Error(f"{given[0]} needs the whole mesh in memory: it is not possible in units")
     if work is None and limits["resume"]:
         raise Error("resume needs the work folder of the build that was stopped")
-    if work is not None:
-        Path(work).mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(prefix="umbel-", dir=work))
+    # What is made at an address is read here.
+    local = None if work is None or is_address(work) else Path(as_path(work))
+    if local:
+        local.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix="umbel-", dir=local))
     try:
         source = _source(mesh)
         name = source.name if isinstance(source, Mesh) else ""
@@ -94,7 +97,7 @@ def build_stored(
             source,
             folder / "lod.umbel",
             config,
-            work=(folder if work is None else Path(work)) / "units",
+            work=work if is_address(work) else (local or folder) / "units",
             metadata={"name": name},
             progress=progress,
             threads=threads,
@@ -103,9 +106,9 @@ def build_stored(
         return StoredLod(folder / "lod.umbel", report)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
-        if work is not None:
+        if local:
             with contextlib.suppress(OSError):
-                Path(work).rmdir()
+                local.rmdir()
         raise
 
 

@@ -17,7 +17,7 @@ def main(arguments: list[str]) -> int:
     threads, work, tier, unit = arguments
     try:
         _umbel.begin_worker()
-        _umbel.run_unit(work, int(tier), int(unit), int(threads))
+        _umbel.run_task(work, 0, int(tier), int(unit), 0, int(threads))
         return 0
     except Error as error:
         code = _CODES.index(error.code) if error.code in _CODES else _UNSUPPORTED

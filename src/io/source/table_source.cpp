@@ -391,4 +391,21 @@ TriangleBlock TableSource::read(uint64_t begin, uint64_t end) const {
   return block;
 }
 
+std::vector<uint32_t> TableSource::files(uint64_t begin, uint64_t end) const {
+  std::vector<uint32_t> files;
+  for (size_t k = 0; k < layout_.parts.size(); ++k) {
+    if (std::max(begin, first_[k]) >= std::min(end, first_[k + 1])) continue;
+    const TablePart& part = layout_.parts[k];
+    for (const Column* column :
+         {&part.positions, &part.normals, &part.tangents, &part.uvs, &part.colors, &part.indices,
+          &part.uv_indices, &part.normal_indices, &part.materials})
+      if (column->is_there()) files.push_back(layout_.tables[column->table].file);
+    for (const auto& extra : part.extras) files.push_back(layout_.tables[extra.column.table].file);
+  }
+  std::ranges::sort(files);
+  const auto rest = std::ranges::unique(files);
+  files.erase(rest.begin(), rest.end());
+  return files;
+}
+
 }  // namespace umbel::io

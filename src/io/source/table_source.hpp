@@ -58,6 +58,8 @@ class TableSource final : public TriangleSource {
   uint64_t triangles() const override { return first_.back(); }
   SourceStreams streams() const override { return streams_; }
   TriangleBlock read(uint64_t begin, uint64_t end) const override;
+  /// The numbers of the files that reading these triangles needs, rising.
+  std::vector<uint32_t> files(uint64_t begin, uint64_t end) const;
 
  private:
   void find_extras();

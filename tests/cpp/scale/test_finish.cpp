@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <ranges>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "scale/finish.hpp"
 #include "scale/join_parts.hpp"
 #include "scale/parts.hpp"
+#include "scale/run_task.hpp"
 #include "scale/tiers.hpp"
 #include "scale/units.hpp"
 #include "umbel/lod.hpp"
@@ -36,11 +38,18 @@ struct Built {
     for (const auto& entry : fs::recursive_directory_iterator(folder()))
       if (entry.path().extension() == ".parts") input.parts.push_back(entry.path());
     std::ranges::sort(input.parts);
+    for (const fs::path& parts : input.parts)
+      input.units.push_back({number(parts.parent_path().parent_path()), number(parts.stem())});
     input.config = dag.config;
     input.report = dag.report;
     input.report.groups_by_method = {};
     input.report.groups_by_limiting_factor = {};
     input.source_digest = dag.source_digest;
+  }
+
+  // Of t1, u000003.
+  static uint32_t number(const fs::path& name) {
+    return static_cast<uint32_t>(std::stoul(name.filename().string().substr(1)));
   }
 
   fs::path folder() const { return work / "work"; }
@@ -103,6 +112,65 @@ TEST(Finish, WritesTheBytesOfTheWriterInMemory) {
       }
     EXPECT_TRUE(verify_asset(built.file("parts.umbel"), 8).ok);
   }
+}
+
+// As tasks, in an order of their own, some of them twice.
+struct EncodesElsewhere {
+  const Built& built;
+  size_t tasks = 0;
+  FinishOptions options(FinishOptions options = {}) {
+    options.run = [this](std::span<const Task> given, const auto& poll) {
+      for (const Task& task : given | std::views::reverse)
+        for (int i = 0; i < 2; ++i, ++tasks) run_task(built.folder(), task);
+      poll(given.size());
+    };
+    return options;
+  }
+};
+
+TEST(Finish, IsTheSameWhereOthersEncode) {
+  for (const auto& [name, mesh] : meshes())
+    for (const bool mixed : {false, true}) {
+      SCOPED_TRACE(name);
+      lod::Config config;
+      config.mix_materials = mixed;
+      const Built built(mesh, 1000, config);
+      FinishOptions options;
+      options.contents.first_materials = {3};
+      EncodesElsewhere elsewhere{built};
+      built.write_from_memory(options);
+      built.write_from_parts(elsewhere.options(options));
+      EXPECT_EQ(read_bytes(built.file("parts.umbel")), read_bytes(built.file("memory.umbel")));
+      EXPECT_EQ(elsewhere.tasks, 2 * built.input.parts.size());
+    }
+}
+
+TEST(Finish, TakesChunksThatAreThereAndOfTheSamePlan) {
+  const Built built(rich(shapes::blob(4, 2)), 1000);
+  EncodesElsewhere elsewhere{built};
+  built.write_from_parts(elsewhere.options());
+  std::vector<fs::path> chunks;
+  for (const auto& entry : fs::recursive_directory_iterator(built.folder()))
+    if (entry.path().extension() == ".chunks") chunks.push_back(entry.path());
+  ASSERT_EQ(chunks.size(), built.input.parts.size());
+  // One is gone, a byte of another has changed.
+  fs::remove(chunks[0]);
+  std::vector<char> bytes = read_bytes(chunks[1]);
+  bytes[bytes.size() / 2] ^= 1;
+  write_bytes(chunks[1], bytes);
+  elsewhere.tasks = 0;
+  built.write_from_parts(elsewhere.options());
+  EXPECT_EQ(elsewhere.tasks, 4u);
+  built.write_from_memory();
+  EXPECT_EQ(read_bytes(built.file("parts.umbel")), read_bytes(built.file("memory.umbel")));
+  // Other settings make other chunks.
+  elsewhere.tasks = 0;
+  FinishOptions exact;
+  exact.asset = AssetConfig::exact();
+  built.write_from_parts(elsewhere.options(exact));
+  EXPECT_EQ(elsewhere.tasks, 2 * chunks.size());
+  built.write_from_memory(exact);
+  EXPECT_EQ(read_bytes(built.file("parts.umbel")), read_bytes(built.file("memory.umbel")));
 }
 
 TEST(Finish, CarriesMaterialsAndWhateverElseAnAssetHas) {

@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <functional>
+#include <ranges>
 #include <string>
 #include <vector>
 
 #include "base/math.hpp"
+#include "scale/join_parts.hpp"
+#include "scale/run_task.hpp"
 #include "scale/tiers.hpp"
 #include "scale/units.hpp"
 #include "umbel/lod.hpp"
@@ -121,6 +124,59 @@ TEST(Tiers, LeavesKeepTheirArea) {
   const double kept = area(build(mesh, 1000).dag, 1000) / before;
   EXPECT_GT(kept, 0.7 * in_memory);
   EXPECT_GT(kept, 1.5 * area(build(mesh, 1000, false, without).dag, 1000) / before);
+}
+
+// All tasks by others, in another order, each twice.
+lod::Dag build_elsewhere(const Mesh& mesh, uint64_t capacity, std::vector<size_t>& counts) {
+  const umbel::testing::Scratch scratch;
+  const io::MeshSource source(mesh.view(), {0, 0, 0}, "mesh");
+  counts.assign(3, 0);
+  TierOptions options;
+  options.delegation.sorting = options.delegation.source = true;
+  options.run = [&](std::span<const Task> tasks, const auto& poll) {
+    for (const Task& task : tasks | std::views::reverse) {
+      ++counts[static_cast<size_t>(task.kind)];
+      for (int i = 0; i < 2; ++i) run_task(scratch / ".", task, {{}, {}, &source});
+    }
+    poll(tasks.size());
+  };
+  const lod::Config config;
+  const BuiltTiers built = build_tiers(source, config, {capacity, 1}, scratch / ".", options);
+  lod::Dag dag;
+  dag.config = config;
+  join_parts(built.parts, dag);
+  return dag;
+}
+
+TEST(Tiers, SortingByTasksChangesNothing) {
+  for (const auto& [name, mesh] : meshes()) {
+    SCOPED_TRACE(name);
+    std::vector<size_t> counts;
+    const lod::Dag dag = build_elsewhere(mesh, 1000, counts);
+    EXPECT_TRUE(same(build(mesh, 1000, false, {}, 1).dag, dag));
+    EXPECT_GT(counts[static_cast<size_t>(TaskKind::kSort)], 2u);
+  }
+}
+
+// Fails as a machine does that cannot read the source.
+TEST(Tiers, ASourceThatOthersCannotReadIsSortedHere) {
+  const umbel::testing::Scratch scratch;
+  const Mesh mesh = shapes::terrain(60, 60, 1);
+  const io::MeshSource source(mesh.view(), {0, 0, 0}, "mesh");
+  size_t refused = 0;
+  TierOptions options;
+  options.delegation.source = true;
+  options.run = [&](std::span<const Task> tasks, const auto&) {
+    for (const Task& task : tasks) {
+      if (task.kind == TaskKind::kSort && ++refused) throw Error(ErrorCode::kIo, "no such file");
+      run_task(scratch / ".", task);
+    }
+  };
+  const BuiltTiers built = build_tiers(source, {}, {1000, 1}, scratch / ".", options);
+  lod::Dag dag;
+  join_parts(built.parts, dag);
+  EXPECT_EQ(refused, 1u);
+  EXPECT_TRUE(same(build(mesh, 1000, false, {}, 1).dag, dag));
 }
 
 TEST(Tiers, SmallUnitsMoveTheirBordersAfterEveryLevel) {

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 
+import umbel
 from helpers.commands import Umbel
 from helpers.s3_server import s3_server
 from umbel.scale import Dask, Ray
@@ -88,6 +89,13 @@ def test_ray(bucket: Any, ray_cluster: str, expected: str) -> None:
     report = build_asset(*PLACES, work=WORK, unit_triangles=UNIT, executor=Ray(ray_cluster))
     assert report["sha256"] == expected
     check(bucket, expected)
+
+
+def test_build_lod(bucket: Any, tiles: list[Path], ray_cluster: str) -> None:
+    here = umbel.build_lod(tiles, unit_triangles=UNIT)
+    stored = umbel.build_lod(PLACES[0], work=WORK, unit_triangles=UNIT, executor=Ray(ray_cluster))
+    assert Path(stored.path).read_bytes() == Path(here.path).read_bytes()
+    assert not bucket.find("bucket/work")
 
 
 def test_ray_through_a_folder(

@@ -67,6 +67,23 @@ def test_lost_and_repeated_tasks(
     assert output.read_bytes() == made_of_tiles
 
 
+def test_source_that_no_other_machine_has(
+    tiles: list[Path], made_of_tiles: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = []
+
+    def refuse(task: Task) -> None:
+        tried.append(task)
+        raise OSError("it is not on this machine")
+
+    monkeypatch.setattr("umbel.scale.executor.shared_source", refuse)
+    output = tmp_path / "a.umbel"
+    report = build_asset(tiles, output, unit_triangles=UNIT, executor=InProcess())
+    assert output.read_bytes() == made_of_tiles
+    assert tried
+    assert not any(t["kind"] == "sort" and t["tier"] == 0 for t in report["tasks"])
+
+
 class Hopeless(InProcess):
     def wait(self, seconds: float) -> Result | None:
         return (

@@ -25,6 +25,7 @@ WORK = "memory://bucket/work"
 
 @pytest.fixture
 def bucket(tiles: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    monkeypatch.setattr("umbel.scale.address_lock._SETTLE", 0.01)
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
     system = fsspec.filesystem("memory")
@@ -44,7 +45,7 @@ class Stops(InProcess):
     def __init__(self, after: int) -> None:
         super().__init__()
         self.left = after
-        self.done: list[tuple[int, int]] = []
+        self.done: list[tuple[str, int, int]] = []
 
     def wait(self, seconds: float) -> Result | None:
         if self.left == 0:
@@ -53,7 +54,10 @@ class Stops(InProcess):
         if result:
             assert not result.error, result.error
             self.left -= 1
-            self.done.append((result.task.tier, result.task.unit))
+            self.done.append((result.task.kind, result.task.tier, result.task.unit))
+            # What is large stays at the address.
+            for what in ("parts", "exits", "route"):
+                assert not list(scratch(WORK).glob(f"**/*.{what}"))
         return result
 
 
@@ -73,7 +77,7 @@ def test_everything_at_addresses(bucket: Any, made_of_tiles: bytes, tmp_path: Pa
 
 
 @pytest.mark.parametrize("elsewhere", [False, True])
-@pytest.mark.parametrize("after", [1, 4, 9])
+@pytest.mark.parametrize("after", [1, 9, 40])
 def test_driver_starts_again(
     bucket: Any, made_of_tiles: bytes, tmp_path: Path, after: int, elsewhere: bool
 ) -> None:
@@ -118,6 +122,8 @@ def test_leaves_at_addresses(bucket: Any, tmp_path: Path, after: int) -> None:
 def test_damaged_input_of_a_unit_is_noticed(bucket: Any) -> None:
     class Damages(InProcess):
         def submit(self, task: Task) -> None:
+            if task.kind != "build":
+                return super().submit(task)
             assert task.inputs
             path = f"/bucket/work/t0/route/s{task.inputs[0].shard:06d}.route"
             data = bytearray(bucket.cat(path))
@@ -129,6 +135,56 @@ def test_damaged_input_of_a_unit_is_noticed(bucket: Any) -> None:
     with pytest.raises(umbel.Error, match="is damaged"):
         build(Damages())
     assert "/bucket/scan.umbel" not in names(bucket)
+
+
+def test_all_but_writing_is_done_by_tasks(bucket: Any) -> None:
+    report = build(InProcess())
+    kinds = {(done["kind"], done["tier"] > 0) for done in report["tasks"]}
+    both = {(kind, later) for kind in ("build", "sort", "encode") for later in (False, True)}
+    assert kinds == both
+    encoded = [done for done in report["tasks"] if done["kind"] == "encode"]
+    assert len(encoded) == len(report["units"])
+    # What the driver fetches last is the asset, in other pieces.
+    stored = sum(done["store_bytes"] for done in encoded)
+    assert 0.8 * report["file_bytes"] < stored < 1.2 * report["file_bytes"]
+
+
+def test_other_precision_after_a_stop(bucket: Any, tmp_path: Path) -> None:
+    """Chunks that were encoded for other settings are not taken."""
+    some = Stops(-1)
+    build(some)
+    bucket.rm("/bucket/scan.umbel")
+    first = Stops(len(some.done) - 3)
+    with pytest.raises(KeyboardInterrupt):
+        build(first)
+    assert first.done[-1][0] == "encode"
+    build(Stops(-1), resume=True, attribute_bits={"uv": 20}, threads=1)
+    again = bucket.cat("/bucket/scan.umbel")
+    build(InProcess(), attribute_bits={"uv": 20})
+    assert bucket.cat("/bucket/scan.umbel") == again
+
+
+def test_source_of_this_machine_is_sorted_here(
+    bucket: Any, tiles: list[Path], made_of_tiles: bytes
+) -> None:
+    report = build_asset(tiles, OUTPUT, work=WORK, unit_triangles=UNIT, executor=InProcess())
+    assert bucket.cat("/bucket/scan.umbel") == made_of_tiles
+    assert not any(t["kind"] == "sort" and t["tier"] == 0 for t in report["tasks"])
+
+
+def test_attributes_that_are_not_wanted(bucket: Any, tmp_path: Path) -> None:
+    mesh = next(iter(giant.terrain(12_000, seed=5, seams=True).blocks()))
+    whole = umbel.Mesh(mesh.positions, mesh.triangles, uvs=mesh.uvs)
+    umbel.save(tmp_path / "a.glb", whole)
+    bucket.put_file(str(tmp_path / "a.glb"), "/bucket/a.glb")
+    for attributes in ("auto", "none"):
+        given = {"unit_triangles": UNIT, "attributes": attributes}
+        build_asset(tmp_path / "a.glb", tmp_path / "a.umbel", **given)
+        report = build_asset(
+            "memory://bucket/a.glb", OUTPUT, work=WORK, executor=InProcess(), **given
+        )
+        assert any(t["kind"] == "sort" and t["tier"] == 0 for t in report["tasks"])
+        assert bucket.cat("/bucket/scan.umbel") == (tmp_path / "a.umbel").read_bytes()
 
 
 def test_folders_of_others_are_left_alone(bucket: Any) -> None:

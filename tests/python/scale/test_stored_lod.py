@@ -12,6 +12,7 @@ import pytest
 
 import umbel
 from umbel.scale.build_asset import build_asset
+from umbel.scale.executor import InProcess
 from umbel.scale.stored_lod import StoredLod
 from umbel.testing import giant
 
@@ -94,6 +95,38 @@ def test_stopped_build_goes_on(mesh: umbel.Mesh, tmp_path: Path) -> None:
     stored = umbel.build_lod(mesh, work=work, unit_triangles=UNIT, resume=True)
     whole = umbel.build_lod(mesh, unit_triangles=UNIT)
     assert Path(stored.path).read_bytes() == Path(whole.path).read_bytes()
+
+
+def test_executors_build_it_too(
+    mesh: umbel.Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fsspec = pytest.importorskip("fsspec")
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    here = umbel.build_lod(mesh, unit_triangles=UNIT)
+    expected = Path(here.path).read_bytes()
+    del here
+    works = [None, tmp_path / "work", "memory://stored/work"]
+    for work in works:
+        executor = InProcess()
+        stored = umbel.build_lod(mesh, work=work, unit_triangles=UNIT, executor=executor)
+        assert Path(stored.path).read_bytes() == expected
+        assert len(stored.report["units"]) > 2
+        folder = Path(stored.path).parent
+        del stored
+        gc.collect()
+        assert not folder.exists()
+    assert not fsspec.filesystem("memory").find("/stored")
+    assert not list((tmp_path / "temporary").iterdir())
+
+
+def test_address_needs_an_executor(
+    mesh: umbel.Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(umbel.Error, match="for a build with an executor"):
+        umbel.build_lod(mesh, work="memory://stored/work")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,8 @@ class Source:
     vertices: int | None = None  #: of all files, where they are known without reading those
     #: what `Asset.scene` shall be of a single mesh that was read as a whole
     tree: dict[str, Any] = field(default_factory=dict)
+    #: By which other machines that have the files open it (`layout.again`); None: they cannot.
+    recipe: dict[str, list[Any]] | None = None
 
 
 def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[str]) -> Source:
@@ -88,10 +90,19 @@ def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[st
     if files is not None and not files:
         raise Error("there are no files to read")
     native = layout.finished()
-    native.put_in_order(layout.work / "sorted_", _LEAST_BYTES, _BLOCK)
+    if native.put_in_order(layout.work / "sorted_", _LEAST_BYTES, _BLOCK):
+        layout.recipe = None
     triangles = _umbel.TableSource(native)
     tree = {} if whole is None or is_trivial(whole.tree) else whole.tree
-    return Source(triangles, layout.materials, coordinates, files or [], layout.vertices, tree)
+    return Source(
+        triangles,
+        layout.materials,
+        coordinates,
+        files or [],
+        layout.vertices,
+        tree,
+        layout.recipe,
+    )
 
 
 def _told(coordinates: dict[str, str]) -> str:

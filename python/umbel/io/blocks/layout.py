@@ -43,6 +43,10 @@ class Layout:
     native: Any = field(default_factory=_umbel.TableLayout)
     parts: list[_Part] = field(default_factory=list)
     vertices: int | None = 0  #: of all parts; None where a part's are not known
+    #: What `again` makes the same layout of; None where it cannot. JSON.
+    recipe: dict[str, list[Any]] | None = field(
+        default_factory=lambda: {"files": [], "tables": [], "parts": []}
+    )
     _rows: dict[int, int] = field(default_factory=dict)
 
     @property
@@ -50,11 +54,13 @@ class Layout:
         return self.shared.all
 
     def add_file(self, path: Path) -> int:
+        self._note("files", str(path.absolute()))
         return int(self.native.add_file(path))
 
     def add_table(
         self, file: int, offset: int, stride: int, rows: int, big_endian: bool = False
     ) -> int:
+        self._note("tables", [file, offset, stride, rows, big_endian])
         table = int(self.native.add_table(file, offset, stride, rows, big_endian))
         self._rows[table] = rows
         return table
@@ -101,14 +107,26 @@ class Layout:
             material = part.material
             if material is None or material == NO_MATERIAL:
                 material = default if self.materials else None
-            self.native.add_part(
-                part.name,
-                part.columns,
-                part.triangles,
-                material,
-                default,
-                part.color_divisor,
-                part.transform,
-                part.extras,
-            )
+            what = (part.name, part.columns, part.triangles, material, default)
+            rest = (part.color_divisor, part.transform, part.extras)
+            self._note("parts", [*what, *rest])
+            self.native.add_part(*what, *rest)
         return self.native
+
+    def _note(self, what: str, value: Any) -> None:
+        if self.recipe is not None:
+            self.recipe[what].append(value)
+
+
+def again(recipe: dict[str, list[Any]]) -> Any:
+    """For `_umbel.TableSource`, of a recipe; its files may be elsewhere now."""
+    native = _umbel.TableLayout()
+    for file in recipe["files"]:
+        native.add_file(file)
+    for table in recipe["tables"]:
+        native.add_table(*table)
+    for name, columns, *rest, extras in recipe["parts"]:
+        sets = [(kind, number, tuple(column)) for kind, number, column in extras]
+        arguments = [name, {k: tuple(column) for k, column in columns.items()}, *rest, sets]
+        native.add_part(*arguments)
+    return native

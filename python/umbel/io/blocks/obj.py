@@ -17,6 +17,7 @@ def lay_out(layout: Layout, path: Path) -> bool:
     if read_head(path).startswith(GZIP):
         return False
     where = str(path).encode("utf-8", "replace").decode()
+    layout.recipe = None
     found = layout.native.add_obj(path, where, layout.new_file(""))
     for note in found["notes"]:
         warnings.warn(note.decode("utf-8", "replace"), LoadWarning, stacklevel=4)

@@ -7,18 +7,14 @@ export { UmbelError, type UmbelErrorKind } from "./errors.js";
 export type { Attribute, AttributeName } from "./format/attributes.js";
 export { type FileHeader, NONE, readFileHeader } from "./format/file_header.js";
 export { type Json, jsonOf, listOf, numbersOf } from "./format/gltf.js";
-export { readSlice } from "./format/page_table.js";
 export { readFixedHeader } from "./format/sections.js";
 export { bytesPerVertex, packGroup, type RenderGroup } from "./pack/render_group.js";
 export { GroupDag } from "./select/group_dag.js";
-export { InstanceSelector, type InstanceStep } from "./select/instance_selector.js";
 export { type CameraView, cameraView, mustRefine, type View } from "./select/select.js";
 export { type HttpOptions, HttpSource } from "./source/http_source.js";
 export { BlobSource, type ByteSource } from "./source/source.js";
 export type { AssetInfo } from "./stream/asset_info.js";
 export { type Bounds, boundsOf } from "./stream/bounds.js";
-export type { InstanceRow } from "./stream/instance_rows.js";
-export type { SceneView } from "./stream/instance_stream.js";
 export { ABSENT, DAMAGED, LOADING, RESIDENT } from "./stream/page_cache.js";
 export { Residency } from "./stream/residency.js";
 export type {

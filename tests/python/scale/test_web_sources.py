@@ -1,0 +1,91 @@
+"""Tiles that are read by HTTP, and what is said where an address cannot be used."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import umbel
+from umbel.scale.build_asset import build_asset
+from umbel.scale.executor import InProcess
+
+fsspec = pytest.importorskip("fsspec")
+pytest.importorskip("aiohttp")
+
+UNIT = 4000
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Lists folders, and sends whole files."""
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def web(tiles: list[Path]) -> Iterator[str]:
+    handler = functools.partial(Quiet, directory=str(tiles[0].parent))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture(autouse=True)
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+
+
+def test_tiles_by_pattern(web: str, made_of_tiles: bytes, tmp_path: Path) -> None:
+    output = tmp_path / "a.umbel"
+    build_asset(f"{web}/*.ply", output, unit_triangles=UNIT)
+    assert output.read_bytes() == made_of_tiles
+
+
+def test_tiles_by_name_are_sorted_by_others(
+    web: str, tiles: list[Path], made_of_tiles: bytes, tmp_path: Path
+) -> None:
+    names = [f"{web}/{tile.name}?version=2" for tile in tiles]
+    output = tmp_path / "a.umbel"
+    work = "memory://web/work"
+    report = build_asset(names, output, work=work, unit_triangles=UNIT, executor=InProcess())
+    assert output.read_bytes() == made_of_tiles
+    assert any(t["kind"] == "sort" and t["tier"] == 0 for t in report["tasks"])
+
+
+def test_missing_tile(web: str, tmp_path: Path) -> None:
+    with pytest.raises(umbel.Error, match=r"cannot read http://.*/none\.ply"):
+        build_asset(f"{web}/none.ply", tmp_path / "a.umbel", unit_triangles=UNIT)
+    with pytest.raises(umbel.Error, match="no file matches http://"):
+        build_asset(f"{web}/*.obj", tmp_path / "a.umbel", unit_triangles=UNIT)
+
+
+def test_nothing_is_written_by_http(web: str, tiles: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(umbel.Error, match=r"a\.umbel: sources can be read by HTTP, but nothing"):
+        build_asset(tiles, f"{web}/a.umbel", unit_triangles=UNIT)
+    with pytest.raises(umbel.Error, match="work: sources can be read by HTTP, but nothing"):
+        build_asset(tiles, tmp_path / "a.umbel", work=f"{web}/work", executor=InProcess())
+    assert not list((tmp_path / "temporary").iterdir())
+
+
+@pytest.mark.parametrize(("scheme", "package"), [("gcs", "gcsfs"), ("az", "adlfs")])
+def test_package_of_an_address_is_missing(
+    scheme: str, package: str, tiles: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, package, None)
+    with pytest.raises(umbel.Error, match=f"{scheme}://bucket/a.umbel: .*{package}"):
+        build_asset(tiles, f"{scheme}://bucket/a.umbel", unit_triangles=UNIT)
+
+
+def test_unknown_scheme(tiles: list[Path]) -> None:
+    with pytest.raises(umbel.Error, match="cannot use gopher://"):
+        build_asset(tiles, "gopher://bucket/a.umbel", unit_triangles=UNIT)
