@@ -69,7 +69,8 @@ Mesh leaves(uint32_t side) {
   Mesh mesh;
   for (uint32_t i = 0; i < 2 * side * side; ++i) {
     const uint32_t k = i % 3 == 0 ? i / 2 : i % (side * side);
-    const auto x = static_cast<float>(k % side), y = static_cast<float>(k / side);
+    const uint32_t row = k / side, column = k % side;
+    const auto x = static_cast<float>(column), y = static_cast<float>(row);
     const auto first = static_cast<uint32_t>(mesh.positions.size());
     for (const auto& [u, v] : {std::pair{0.0f, 0.0f}, {0.5f, 0.0f}, {0.0f, 0.5f}, {0.5f, 0.5f}})
       mesh.positions.push_back({x + u, y + v, static_cast<float>(i % 5) * 0.25f});
