@@ -106,15 +106,16 @@ def test_ray_through_a_folder(
     assert hashlib.sha256(output.read_bytes()).hexdigest() == expected
 
 
-def units_done(bucket: Any) -> int:
-    """Units whose files are stored; the driver may be removing them."""
+def tasks_done(bucket: Any) -> int:
+    """Tasks of any kind whose files are stored; the driver may be removing them."""
     with contextlib.suppress(FileNotFoundError):
-        return sum(name.endswith(".done") for name in bucket.find("bucket/work"))
+        ends = (".done", ".places", ".chunks")
+        return sum(name.endswith(ends) for name in bucket.find("bucket/work"))
     return 0
 
 
 def ray_workers() -> list[int]:
-    """Processes of this user that are at a unit."""
+    """Processes of this user that are at a task."""
     found = []
     for path in Path("/proc").iterdir():
         try:
@@ -132,12 +133,12 @@ def test_workers_and_driver_killed(bucket: Any, ray_cluster: str, expected: str,
     for start in range(3):
         driver = subprocess.Popen([sys.executable, "-c", DRIVER, ray_cluster])
         # The last is left alone.
-        most = chance.randint(1, 4) * (start + 1) if start < 2 else 1 << 30
+        most = chance.randint(1, 30) * (start + 1) if start < 2 else 1 << 30
         end = time.monotonic() + 60
         try:
             while driver.poll() is None and time.monotonic() < end:
                 time.sleep(chance.uniform(0.05, 0.3))
-                if units_done(bucket) >= most:
+                if tasks_done(bucket) >= most:
                     break
                 workers = ray_workers()
                 if workers and workers_killed < 2 * (start + 1):
