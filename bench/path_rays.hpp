@@ -97,8 +97,9 @@ void camera_rays(Exec& exec, const PathCamera& camera, uint32_t samples, uint64_
     const auto pixel = static_cast<uint32_t>(i / samples);
     const uint32_t tile = pixel / (kTile * kTile), within = pixel % (kTile * kTile);
     Dice dice(seed, i);
-    const double x = tile % tiles_across * kTile + within % kTile + dice.next();
-    const double y = tile / tiles_across * kTile + within / kTile + dice.next();
+    const uint32_t column = tile % tiles_across * kTile + within % kTile;
+    const uint32_t row = tile / tiles_across * kTile + within / kTile;
+    const double x = column + dice.next(), y = row + dice.next();
     const Vec3d through = sum(plane.corner, sum(times(plane.across, x), times(plane.down, y)));
     Ray ray;
     ray.origin = narrow(plane.origin);
