@@ -2,7 +2,7 @@
 // (docs/scale.md).
 //
 //   UnitsConfig config;
-//   config.work = "city.work";             // some 60 bytes a triangle
+//   config.work = "city.work";             // some 45 bytes a triangle
 //   config.memory_bytes = 2'000'000'000;
 //   build_in_units("city.umbel", source, config);
 //

@@ -187,7 +187,7 @@ def build_lod(  # type: ignore[misc]  # the second overload does not list all se
         float32 cannot hold where their vertices are; that raises otherwise.
     memory: most bytes that a build in units takes, or a text such as "2GB"; by default three
         quarters of what is free.
-    work: a folder for what is built before it is whole, some 60 bytes a triangle; by default one
+    work: a folder for what is built before it is whole, some 45 bytes a triangle; by default one
         for temporary files. With an executor one that all machines have, or an address.
     resume: go on with what an earlier call with the same arguments left in `work`.
     unit_triangles: most triangles of a unit, by default 4 Mi.

@@ -82,7 +82,7 @@ def build_asset(
         (`s3://bucket/city.umbel`) of whatever fsspec knows; this machine then has a copy in its
         folder for temporary files.
     memory: bytes, or a text such as "2GB"; None: three quarters of what is free.
-    work: a folder for what is built before it is whole, some 60 bytes a triangle; by default beside
+    work: a folder for what is built before it is whole, some 45 bytes a triangle; by default beside
         the output, OUTPUT.work. It is removed at the end, and stays where the build is stopped.
     resume: go on with what an earlier call with the same arguments left in that folder.
     unit_triangles: most triangles of a unit, by default 4 Mi. Smaller units need less memory, and
