@@ -20,15 +20,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-ExitSummary summary_of(Exits& exits) {
+// Takes the edges and the new positions: only the next tier's plan needs them.
+ExitSummary take_summary(Exits& exits) {
   ExitSummary summary;
   const lod::ClusterSet& clusters = exits.clusters;
   for (size_t c = 0; c < clusters.size(); ++c) {
     summary.middles.push_back(middle(clusters.boxes[c]));
     summary.triangles.push_back(static_cast<uint32_t>(clusters.cluster_corners(c).size() / 3));
   }
-  summary.undecided = std::move(exits.undecided);
-  summary.new_positions = std::move(exits.new_positions);
+  summary.undecided = std::exchange(exits.undecided, {});
+  summary.new_positions = std::exchange(exits.new_positions, {});
   return summary;
 }
 
@@ -62,7 +63,7 @@ void build(const fs::path& work, const Task& task, const TaskInput& input) {
                       {built.exits.clusters.triangle_count()},
                       {built.exits.undecided.size()},
                       {built.report}};
-  ExitSummary left = summary_of(built.exits);
+  ExitSummary left = take_summary(built.exits);
   write_record(unit_file(work, task, ".exits"), built.exits);
   write_record(unit_file(work, task, ".left"), left);
   write_record(unit_file(work, task, ".done"), summary);
