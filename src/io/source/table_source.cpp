@@ -403,8 +403,7 @@ std::vector<uint32_t> TableSource::files(uint64_t begin, uint64_t end) const {
     for (const auto& extra : part.extras) files.push_back(layout_.tables[extra.column.table].file);
   }
   std::ranges::sort(files);
-  const auto rest = std::ranges::unique(files);
-  files.erase(rest.begin(), rest.end());
+  files.erase(std::unique(files.begin(), files.end()), files.end());
   return files;
 }
 
