@@ -126,7 +126,7 @@ TEST(InstanceSelector, keeps_pages_within_its_budget) {
   InstanceSelector selector(asset, 300'000);
   selector.settle(lod::view_error(0));
   EXPECT_GT(selector.bytes(), 1'000'000u);  // what is shown stays
-  for (float x = 0; x < 400; x += 40) selector.settle(camera({x, 0, 0}, 200));
+  for (int x = 0; x < 400; x += 40) selector.settle(camera({static_cast<float>(x), 0, 0}, 200));
   EXPECT_LT(selector.bytes(), 600'000u);
 }
 
