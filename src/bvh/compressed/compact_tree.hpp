@@ -186,7 +186,7 @@ struct CompactTop {
       shared.away[i] = box.min + box.max - center;
       shared.counts[i] = layout.count(shared.ids[i]);
     }
-    team.sync();
+    // Each thread reads what it wrote itself; reduce() is a sync() for the counts.
     uint32_t placed = 0, child_in = 0;
     for (uint32_t round = 0; round < count; ++round) {
       Largest best;
