@@ -95,6 +95,18 @@ struct GroupRef {
   bool operator==(const GroupRef&) const = default;
 };
 
+/// What is there once a group is refined: its clusters, by the groups that they were made from.
+struct Refinement {
+  struct Part {
+    GroupRef group;
+    uint32_t triangles;  ///< of the clusters that were made from it
+    bool operator==(const Part&) const = default;
+  };
+  std::vector<Part> parts;
+  uint32_t triangles = 0;  ///< of clusters that were made from no group
+  bool operator==(const Refinement&) const = default;
+};
+
 /// A group of a page.
 struct PageGroup {
   uint32_t mesh, id;  ///< of Asset::meshes(), and in that mesh's tables
@@ -256,10 +268,15 @@ class UMBEL_API Asset {
   /// Reads a mesh's hierarchy. Throws kCorrupt if a checksum does not hold.
   std::vector<lod::Node> nodes(uint32_t mesh = 0) const;
 
+  /// What a page says of a group, from a table of coarse groups that large files have; null for
+  /// other groups. The first call reads the table. Throws kCorrupt if its checksum does not hold.
+  const Refinement* refinement(uint32_t group, uint32_t mesh = 0) const;
+
   /// Finds the cut of a view, without what lies outside the planes, and passes on its groups by
   /// pages, coarse ones first. It descends from the roots by references, so it reads the pages of
-  /// groups that must be refined and no others, each once, and keeps one at a time. The clusters
-  /// are those of lod::select. Throws what the visitor throws, and kCorrupt where references do not
+  /// groups that must be refined and no others, each once, and keeps one at a time; of groups that
+  /// `refinement` knows, only those with clusters in the cut. The clusters are those of
+  /// lod::select. Throws what the visitor throws, and kCorrupt where references do not
   /// lead where they say.
   WalkReport walk(const lod::View& view, const CutVisitor& visit, uint32_t mesh = 0,
                   std::span<const Plane> planes = {}) const;

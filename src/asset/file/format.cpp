@@ -190,6 +190,8 @@ FileHeader decode_header(std::span<const std::byte> bytes) {
   header.files = read_table<FileEntry>(in, sections[kFiles]);
   header.page_table = read_slices(in, sections[kPages], sections[kPageSlices], "PSUM");
   header.nodes = read_slices(in, sections[kNodes], sections[kNodeSlices], "NSUM");
+  const Section& coarse = sections[kCoarseGroups];
+  header.coarse = {coarse.offset, coarse.count, coarse.element_bytes, coarse.checksum, {}};
   read_instance_tree(header, in, sections);
   header.info.pages = static_cast<uint32_t>(header.page_table.count);
   read_pages(header, bytes, is_opening);

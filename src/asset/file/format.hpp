@@ -15,7 +15,7 @@
 namespace umbel::asset {
 
 /// What is written; versions from kOldestMajor on are read.
-inline constexpr uint16_t kVersionMajor = 4, kVersionMinor = 0, kOldestMajor = 3;
+inline constexpr uint16_t kVersionMajor = 4, kVersionMinor = 1, kOldestMajor = 3;
 /// Of pages and the end of the file header: a cache line.
 inline constexpr uint64_t kPageAlignment = 64;
 constexpr uint64_t page_alignment(uint32_t version) { return version == 3 ? 4096 : kPageAlignment; }
@@ -64,6 +64,7 @@ struct FileHeader {
   bool has_page_slices = false;
   TableSection page_table;  // where the pages are, in a file that was read
   TableSection nodes;
+  TableSection coarse;  ///< groups (coarse_groups.hpp); none in small files
   /// Of a tree of instances; none if all are in `instances`.
   std::vector<float> coarsest_errors;  // one a mesh
   TableSection instance_nodes, instance_pages;

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "asset/file/check_header.hpp"
+#include "asset/file/coarse_groups.hpp"
 #include "asset/instances/tree_file.hpp"
 #include "base/bytes.hpp"
 #include "base/hash.hpp"
@@ -49,13 +50,14 @@ constexpr std::array<SectionKind, kSectionCount> kSections{
      {four_letters("NSUM"), "NSUM", 8, true, true},
      {four_letters("IERR"), "IERR", 4, true, true},
      {four_letters("ITRE"), "ITRE", kInstanceNodeBytes, false, true},
-     {four_letters("IPAG"), "IPAG", 1, false, true}}};
+     {four_letters("IPAG"), "IPAG", 1, false, true},
+     {four_letters("CREF"), "CREF", kCoarseBytes, false, true}}};
 
 void write_fixed_header(ByteWriter& out, const AssetInfo& info, const Layout& layout,
                         uint64_t tables_checksum, uint64_t opening_checksum) {
   out.bytes(kMagic.data(), kMagic.size());
   out.u16(kVersionMajor);
-  out.u16(kVersionMinor);
+  out.u16(layout.has(kCoarseGroups) ? kVersionMinor : 0);
   out.u32(kFixedHeaderBytes);
   out.u64(info.file_bytes);
   out.u64(layout.bytes);
@@ -127,7 +129,8 @@ Layout layout_of(const FileHeader& header) {
       header.nodes.slices.size(),
       header.coarsest_errors.size(),
       header.instance_nodes.count,
-      header.instance_pages.count};
+      header.instance_pages.count,
+      header.coarse.count};
   Layout layout{};
   for (size_t i = 0; i < kSectionCount; ++i)
     layout.sections[i] = {0, counts[i], kSections[i].element_bytes, 0};
@@ -147,6 +150,7 @@ Layout layout_of(const FileHeader& header) {
     layout.sections[i].checksum = table.checksum;
   };
   place(kNodes, header.nodes);
+  place(kCoarseGroups, header.coarse);
   place(kInstanceNodes, header.instance_nodes);
   place(kInstancePages, header.instance_pages);
   layout.bytes = aligned(at, kPageAlignment);

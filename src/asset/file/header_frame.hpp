@@ -30,6 +30,7 @@ enum SectionIndex {
   kCoarsestErrors,
   kInstanceNodes,
   kInstancePages,
+  kCoarseGroups,
   kSectionCount
 };
 

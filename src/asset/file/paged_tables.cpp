@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "asset/file/coarse_groups.hpp"
 #include "asset/file/follow_reference.hpp"
 #include "base/hash.hpp"
 #include "base/parallel.hpp"
@@ -114,7 +115,10 @@ std::vector<GroupTables> read_group_tables(const Asset& asset, Progress& progres
     for (uint32_t i = 0; i < count; ++i) {
       if (!batch[i]) broken.push_back(problems[i]);
       if (!batch[i] || !broken.empty()) continue;
-      for (const PageGroup& group : batch[i]->groups) collectors[group.mesh].add(group, begin + i);
+      for (const PageGroup& group : batch[i]->groups) {
+        check_coarse(asset.refinement(group.id, group.mesh), group);
+        collectors[group.mesh].add(group, begin + i);
+      }
       found += batch[i]->groups.size();
     }
   }

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <mutex>
 
+#include "asset/file/coarse_groups.hpp"
 #include "asset/file/follow_reference.hpp"
 #include "asset/file/format.hpp"
 #include "asset/file/group_chunk.hpp"
@@ -63,6 +64,9 @@ struct Asset::State {
   mutable std::mutex instances_mutex;
   mutable std::atomic<bool> has_instances = false;
   mutable asset::StoredInstanceTree instances;
+  mutable std::mutex coarse_mutex;
+  mutable std::atomic<bool> has_coarse = false;
+  mutable std::vector<asset::CoarseGroups> coarse;
   // A cache of decoded groups for geometry(): one a slot, by group number.
   static constexpr size_t kSlots = 16;
   mutable std::mutex decoded_mutex;
@@ -75,6 +79,7 @@ struct Asset::State {
   std::vector<std::byte> read(uint64_t offset, uint64_t bytes, uint64_t checksum,
                               const std::string& name) const;
   const asset::StoredInstanceTree& instance_tree() const;
+  const Refinement* refinement(uint32_t mesh, uint32_t group) const;
   AssetPage read_page(uint32_t page) const;
   AssetPage page_of(uint32_t page, std::vector<std::byte> bytes) const;
   std::vector<lod::ClusterGeometry> decode(const AssetPage& page, size_t index) const;
@@ -135,6 +140,22 @@ const asset::StoredInstanceTree& Asset::State::instance_tree() const {
   return instances;
 }
 
+const Refinement* Asset::State::refinement(uint32_t mesh, uint32_t group) const {
+  if (header.coarse.count == 0) return nullptr;
+  if (!has_coarse.load(std::memory_order_acquire)) {
+    const std::lock_guard lock(coarse_mutex);
+    if (!has_coarse.load(std::memory_order_relaxed)) {
+      const asset::TableSection& table = header.coarse;
+      coarse = asset::decode_coarse(read(table.offset, table.count * table.element_bytes,
+                                         table.checksum, "the table of coarse groups"),
+                                    header);
+      has_coarse.store(true, std::memory_order_release);
+    }
+  }
+  const auto& [first, groups] = coarse[mesh];
+  return group < first || group - first >= groups.size() ? nullptr : &groups[group - first];
+}
+
 AssetPage Asset::State::read_page(uint32_t page) const {
   const PageEntry entry = pages.at(page);
   std::vector<std::byte> bytes(entry.bytes);
@@ -189,6 +210,7 @@ AllTables Asset::State::read_tables() const {
       tables.groups[group.id] = group.group;
       std::copy(group.clusters.begin(), group.clusters.end(),
                 tables.clusters.begin() + group.group.clusters.offset);
+      asset::check_coarse(refinement(group.mesh, group.id), group);
       auto& known = references[group.mesh];
       known.insert(known.end(), group.children.begin(), group.children.end());
     }
@@ -333,6 +355,11 @@ std::span<const GroupRef> Asset::roots(uint32_t mesh) const {
   if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
   const Range& range = state_->header.meshes[mesh].roots;
   return std::span(state_->header.roots).subspan(range.offset, range.count);
+}
+
+const Refinement* Asset::refinement(uint32_t group, uint32_t mesh) const {
+  if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
+  return state_->refinement(mesh, group);
 }
 
 std::span<const Range> Asset::levels(uint32_t mesh) const {

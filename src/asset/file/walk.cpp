@@ -1,7 +1,9 @@
 // Finds cuts by descending from the roots by references. A reference says all that the test of its
-// group needs, so only pages of groups that must be refined are read. Pages never come before those
+// group needs, so only pages of groups that must be refined are read, and not even those where the
+// table of coarse groups says that all of them is refined further. Pages never come before those
 // that refer to them, so taking the lowest page first reads each once, in the order of the file.
 #include <algorithm>
+#include <optional>
 #include <queue>
 #include <unordered_set>
 
@@ -69,15 +71,28 @@ class Walk {
   }
 
   void visit_page(uint32_t index) {
-    const AssetPage page = asset_.read_page(index);
-    ++report_.pages;
+    std::optional<AssetPage> page;
     bool in_cut = false;
     while (!pending_.empty() && pending_.top().page == index) {
       const GroupRef reference = pending_.top();
       pending_.pop();
-      in_cut |= visit_group(page, asset::follow(reference, page, mesh_));
+      if (is_passed(reference.group)) continue;
+      if (!page) {
+        page = asset_.read_page(index);
+        ++report_.pages;
+      }
+      in_cut |= visit_group(*page, asset::follow(reference, *page, mesh_));
     }
     report_.cut_pages += in_cut;
+  }
+
+  /// Whether it is known without its page that no cluster of the group is in the cut.
+  bool is_passed(uint32_t group) {
+    const Refinement* known = asset_.refinement(group, mesh_);
+    if (!known || known->triangles > 0) return false;
+    bool all_refined = true;
+    for (const Refinement::Part& part : known->parts) all_refined &= reach(part.group);
+    return all_refined;
   }
 
   /// Whether the group has clusters in the cut.

@@ -7,6 +7,7 @@
 #include <queue>
 #include <unordered_map>
 
+#include "asset/file/coarse_groups.hpp"
 #include "asset/file/follow_reference.hpp"
 #include "lod/select/turning_point.hpp"
 #include "umbel/asset.hpp"
@@ -16,34 +17,13 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// What refining a group changes.
-struct GroupCost {
-  struct Child {
-    GroupRef reference;
-    uint32_t triangles;  ///< of the clusters that were made from it
-  };
-  uint32_t triangles = 0;  ///< of clusters that nothing was made from
-  std::vector<Child> children;
-};
-
-GroupCost cost_of(const PageGroup& group) {
-  GroupCost cost;
-  for (const GroupRef& child : group.children) cost.children.push_back({child, 0});
-  for (const lod::Cluster& cluster : group.clusters) {
-    uint32_t* at = &cost.triangles;
-    for (GroupCost::Child& child : cost.children)
-      if (child.reference.group == cluster.generating_group) at = &child.triangles;
-    *at += cluster.triangle_count;
-  }
-  return cost;
-}
-
-/// Costs of groups by page and group. A page that was read stays, without its bytes.
+/// What refining groups changes. A page that was read stays, without its bytes.
 class Costs {
  public:
   explicit Costs(const Asset& asset) : asset_(asset) {}
 
-  const GroupCost& of(uint32_t mesh, const GroupRef& reference) {
+  const Refinement& of(uint32_t mesh, const GroupRef& reference) {
+    if (const Refinement* known = asset_.refinement(reference.group, mesh)) return *known;
     const auto [at, is_new] = pages_.try_emplace(reference.page);
     if (is_new) read(reference.page, at->second);
     for (const Entry& entry : at->second)
@@ -61,14 +41,14 @@ class Costs {
     uint32_t mesh, group;
     Sphere sphere;
     float error;
-    GroupCost cost;
+    Refinement cost;
   };
 
   void read(uint32_t index, std::vector<Entry>& entries) const {
     const AssetPage page = asset_.read_page(index);
     for (const PageGroup& group : page.groups)
-      entries.push_back(
-          {group.mesh, group.id, group.group.sphere, group.group.error, cost_of(group)});
+      entries.push_back({group.mesh, group.id, group.group.sphere, group.group.error,
+                         asset::refinement_of(group.clusters, group.children)});
   }
 
   const Asset& asset_;
@@ -165,15 +145,15 @@ class Budget {
     if (state.is_refined) return;
     state.is_refined = true;
     triangles_ -= shown.instances * state.triangles;
-    const GroupCost& cost = costs_.of(shown.mesh, reference);
+    const Refinement& cost = costs_.of(shown.mesh, reference);
     triangles_ += shown.instances * cost.triangles;
-    for (const GroupCost::Child& child : cost.children) {
-      const auto [at, is_new] = shown.groups.try_emplace(child.reference.group);
+    for (const Refinement::Part& part : cost.parts) {
+      const auto [at, is_new] = shown.groups.try_emplace(part.group.group);
       // One that was refined before has a parent with the same error.
       if (at->second.is_refined) continue;
-      at->second.triangles += child.triangles;
-      triangles_ += shown.instances * child.triangles;
-      if (is_new) reach(shown, child.reference);
+      at->second.triangles += part.triangles;
+      triangles_ += shown.instances * part.triangles;
+      if (is_new) reach(shown, part.group);
     }
   }
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "asset/file/coarse_groups.hpp"
 #include "asset/file/format.hpp"
 #include "asset/file/group_chunk.hpp"
 #include "asset/file/page.hpp"
@@ -127,9 +128,26 @@ class Writer {
     header_.has_page_slices = wants_slices(plan_.pages.size());
     if (wants_slices(nodes_.size()))
       header_.nodes.slices.resize((nodes_.size() + kSliceEntries - 1) / kSliceEntries);
+    if (plan_.pages.size() >= kLeastCoarsePages) lay_out_coarse();
   }
 
-  std::vector<std::byte> make_page(uint32_t page, const ChunkReader& read_chunk) const {
+  void lay_out_coarse() {
+    uint64_t groups = 0;
+    for (uint32_t m = 0; m < groups_.size(); ++m) {
+      const uint32_t first = first_coarse(header_, header_.meshes[m]);
+      formats_.push_back(format_of(header_, header_.meshes[m]));
+      coarse_.push_back({first, std::vector<Refinement>(groups_[m].size() - first)});
+      groups += coarse_.back().groups.size();
+      ++header_.coarse.count;
+      for (size_t g = first; g < groups_[m].size(); ++g)
+        header_.coarse.count += 1 + groups_[m][g].references;
+    }
+    if (groups > 0) return;
+    coarse_.clear();
+    header_.coarse.count = 0;
+  }
+
+  std::vector<std::byte> make_page(uint32_t page, const ChunkReader& read_chunk) {
     std::vector<EncodedGroup> groups;
     for (uint32_t i = 0; i < plan_.pages[page].count; ++i) {
       const GroupName name = plan_.order[plan_.pages[page].offset + i];
@@ -137,10 +155,39 @@ class Writer {
       std::vector<std::byte> chunk = read_chunk(name);
       for (uint32_t r = 0; r < entry.references; ++r)
         write_reference(chunk, r, reference_to({name.mesh, referred_group(chunk, r)}));
+      keep_coarse(name, chunk);
       groups.push_back(
           {name.mesh, name.group, entry.group, entry.parents, entry.references, std::move(chunk)});
     }
     return encode_page(page, groups);
+  }
+
+  /// For the table of coarse groups, if there will be one.
+  void keep_coarse(const GroupName& name, std::span<const std::byte> chunk) {
+    if (coarse_.empty()) return;
+    const MeshEntry& mesh = header_.meshes[name.mesh];
+    auto& [first, groups] = coarse_[name.mesh];
+    if (name.group < first) return;
+    const GroupEntry& entry = groups_[name.mesh][name.group];
+    const ChunkTables tables =
+        decode_tables(formats_[name.mesh], mesh.mesh.bounds, entry.group.clusters.count,
+                      entry.references, chunk, kVersionMajor);
+    groups[name.group - first] = refinement_of(tables.clusters, tables.children);
+  }
+
+  void write_coarse(OutputFile& file) {
+    std::vector<std::byte> table;
+    for (uint32_t m = 0; m < coarse_.size(); ++m) {
+      const auto& [first, groups] = coarse_[m];
+      append_first(first, table);
+      for (uint32_t k = 0; k < groups.size(); ++k)
+        append_coarse(reference_to({m, first + k}), groups[k], table);
+    }
+    uint64_t& at = header_.info.file_bytes;
+    file.write(at, table);
+    header_.coarse = {
+        at, table.size() / kCoarseBytes, kCoarseBytes, xxh64(table.data(), table.size()), {}};
+    at += table.size();
   }
 
   /// What lies behind the pages.
@@ -151,6 +198,7 @@ class Writer {
     header_.nodes = {at, nodes_.size(), kNodeBytes, xxh64(nodes.data(), nodes.size()), {}};
     if (wants_slices(nodes_.size())) header_.nodes.slices = slice_checksums(nodes, kNodeBytes);
     at += nodes.size();
+    if (header_.coarse.count > 0) write_coarse(file);
     for (size_t i = 0; i < contents_.files.size(); ++i) {
       const std::vector<std::byte>& bytes = contents_.files[i];
       file.write(at, bytes);
@@ -187,6 +235,9 @@ class Writer {
   std::vector<lod::Node> nodes_;
   std::vector<std::vector<GroupEntry>> groups_;  // by mesh
   PagePlan plan_;
+  // Of the table of coarse groups, by mesh; none if there will be none.
+  std::vector<VertexFormat> formats_;
+  std::vector<CoarseGroups> coarse_;
   std::vector<InstancedMesh> instanced_;
   std::unique_ptr<InstanceTree> instances_;  // none if all are listed
 };
