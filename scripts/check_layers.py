@@ -96,6 +96,7 @@ HEADER_LAYERS = {
     "umbel_lod_build.h": "capi",
     "umbel_lod_select.h": "capi",
     "umbel_asset.h": "capi",
+    "umbel_instance_tree.h": "capi",
     "umbel_cuda.h": "capi",
     "umbel_cuda_types.h": "capi",
     "umbel_cuda_clusters.h": "capi",

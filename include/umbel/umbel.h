@@ -9,6 +9,7 @@
 //   umbel_uniform.h  grids, octrees, interval hierarchies: the same queries
 //   umbel_lod.h      continuous level of detail: building, saving, selecting
 //   umbel_asset.h    .umbel files, and streaming them under a budget
+//   umbel_instance_tree.h  .umbel files of millions of instances
 #ifndef UMBEL_UMBEL_H
 #define UMBEL_UMBEL_H
 
@@ -17,6 +18,7 @@
 #include "umbel/umbel_bvh.h"
 #include "umbel/umbel_cluster.h"
 #include "umbel/umbel_frame_clusters.h"
+#include "umbel/umbel_instance_tree.h"
 #include "umbel/umbel_kdtree.h"
 #include "umbel/umbel_lod.h"
 #include "umbel/umbel_uniform.h"

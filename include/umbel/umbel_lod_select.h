@@ -135,6 +135,17 @@ UMBEL_C_API umbel_result umbel_lod_select_instances(
     const umbel_transform* instances, size_t instance_count, uint32_t* offsets, uint32_t* clusters,
     size_t capacity, size_t* count);
 
+/// A view of the scene in an instance's own space: of umbel_lod_select, of umbel_stream_view. If
+/// the transform scales directions differently, it asks for enough detail in all of them.
+/// UMBEL_ERROR_INVALID_ARGUMENT where the transform is not finite or, for a camera, not invertible.
+UMBEL_C_API umbel_result umbel_lod_view_in_instance(const umbel_lod_view* view,
+                                                    const umbel_transform* transform,
+                                                    umbel_lod_view* result);
+/// The same half-space in an instance's own space.
+UMBEL_C_API umbel_result umbel_lod_plane_in_instance(const umbel_plane* plane,
+                                                     const umbel_transform* transform,
+                                                     umbel_plane* result);
+
 typedef enum umbel_lod_budget_unit {
   UMBEL_LOD_TRIANGLES = 0,
   UMBEL_LOD_CLUSTERS = 1,

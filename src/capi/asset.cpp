@@ -6,17 +6,13 @@
 
 #include "base/fields.hpp"
 #include "base/parallel.hpp"
+#include "capi/asset_handle.hpp"
 #include "capi/cluster_input.hpp"
 #include "capi/geometry.hpp"
 #include "capi/hand_out.hpp"
 #include "capi/lod_input.hpp"
 #include "capi/structs.hpp"
 #include "umbel/stream.hpp"
-#include "umbel/umbel_asset.h"
-
-struct umbel_asset {
-  umbel::Asset asset;
-};
 
 struct umbel_residency {
   const umbel::Asset& asset;

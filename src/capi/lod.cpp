@@ -338,6 +338,24 @@ umbel_result umbel_lod_frustum(const float eye[3], const float target[3], const 
   });
 }
 
+umbel_result umbel_lod_view_in_instance(const umbel_lod_view* view,
+                                        const umbel_transform* transform, umbel_lod_view* result) {
+  return capi::guard([&] {
+    const auto one = capi::elements<const Transform>(transform, 1, "transform");
+    capi::write(lod::to_object(capi::view_of(view), one[0]), result);
+  });
+}
+
+umbel_result umbel_lod_plane_in_instance(const umbel_plane* plane, const umbel_transform* transform,
+                                         umbel_plane* result) {
+  return capi::guard([&] {
+    const auto given = capi::elements<const Plane>(plane, 1, "plane");
+    const auto one = capi::elements<const Transform>(transform, 1, "transform");
+    const auto to = capi::elements<Plane>(result, 1, "result");
+    to[0] = lod::to_object(given[0], one[0]);
+  });
+}
+
 umbel_result umbel_lod_select(const umbel_lod_tables* tables, const umbel_lod_view* view,
                               const umbel_lod_culling* culling, umbel_lod_method method,
                               uint32_t* cut, size_t capacity, size_t* count) {
