@@ -20,6 +20,10 @@ constexpr float kMargin = 1.5f;
 // Only what is farther than this part of the farthest yet, squared, has to be known better.
 constexpr float kKnownWell = 0.5f;
 
+// Points of a group that are looked up beside one for each triangle: large triangles have more.
+constexpr size_t kPointsByArea = 2048;
+constexpr uint32_t kMostInTriangle = 256;
+
 using Corners = std::array<Vec3, 3>;
 
 // The middle of its longest side, where a triangle is farthest from its corners.
@@ -31,6 +35,19 @@ Vec3 middle_of(const Corners& p) {
     if (dot(side, side) > most) most = dot(side, side), longest = i;
   }
   return (p[longest] + p[(longest + 1) % 3]) * 0.5f;
+}
+
+float area_of(const Corners& p) {
+  const Vec3 normal = cross(p[1] - p[0], p[2] - p[0]);
+  return std::sqrt(dot(normal, normal));
+}
+
+// The i-th of points that fill a triangle evenly (Roberts' sequence, folded).
+Vec3 point_in(const Corners& p, uint32_t i) {
+  const float u = std::fmod(0.5f + 0.7548777f * i, 1.0f),
+              v = std::fmod(0.5f + 0.5698403f * i, 1.0f);
+  const bool over = u + v > 1.0f;
+  return p[0] + (p[1] - p[0]) * (over ? 1 - u : u) + (p[2] - p[0]) * (over ? 1 - v : v);
 }
 
 }  // namespace
@@ -76,18 +93,30 @@ Measured SurfaceDistance::measure(const ClusterSet& made, std::span<const Vec3> 
     hint = at.block;
   }
 
-  hint = kNone;
+  std::vector<Corners> triangles;
+  triangles.reserve(made.triangle_count());
+  double area = 0;
   for (size_t c = 0; c < made.size(); ++c) {
     const auto vertices = made.cluster_vertices(c);
     const auto corners = made.cluster_corners(c);
     for (size_t i = 0; i < corners.size(); i += 3) {
-      const Vec3 middle =
-          middle_of({position(vertices[corners[i]]), position(vertices[corners[i + 1]]),
-                     position(vertices[corners[i + 2]])});
-      const TriangleDistanceTree::Nearest at = surface_.nearest(middle, farthest, hint);
-      farthest = std::max(farthest, at.squared);
-      hint = at.block;
+      triangles.push_back({position(vertices[corners[i]]), position(vertices[corners[i + 1]]),
+                           position(vertices[corners[i + 2]])});
+      area += area_of(triangles.back());
     }
+  }
+  hint = kNone;
+  const auto look_up = [&](const Vec3& point) {
+    const TriangleDistanceTree::Nearest at = surface_.nearest(point, farthest, hint);
+    farthest = std::max(farthest, at.squared);
+    hint = at.block;
+  };
+  for (const Corners& p : triangles) {
+    look_up(middle_of(p));
+    const double points = area > 0 ? kPointsByArea * (area_of(p) / area) : 0;
+    const uint32_t count =
+        points < kMostInTriangle ? static_cast<uint32_t>(points) : kMostInTriangle;
+    for (uint32_t i = 0; i < count; ++i) look_up(point_in(p, i));
   }
   farthest = std::sqrt(farthest);
   result.distance = farthest / source_.scale;

@@ -12,9 +12,12 @@ LevelSimplifier::LevelSimplifier(Unit& unit, const Config& config, const Decimat
         return std::make_unique<Worker>(source_, config_, decimate);
       }) {}
 
-std::vector<GroupResult> LevelSimplifier::simplify(const Clusters& groups, bool last_resort,
+std::vector<GroupResult> LevelSimplifier::simplify(const Clusters& groups, float ratio,
+                                                   bool last_resort,
                                                    const std::function<void(double)>& progress) {
   groups_ = &groups;
+  ratio_ = ratio;
+  by_caller_ = true;
   insert_own_locked_edges();
   std::vector<GroupResult> results(groups.ranges.size());
   constexpr size_t kBatch = 256;  // groups between two calls of `progress`
@@ -38,6 +41,8 @@ std::vector<GroupResult> LevelSimplifier::simplify(const Clusters& groups, bool 
 GroupResult LevelSimplifier::simplify_group(std::span<const uint32_t> members, Allowance allow) {
   // Nobody here knows which other positions there are elsewhere.
   allow.new_positions = unit_.is_whole;
+  allow.ratio = ratio_;
+  allow.by_caller = by_caller_;
   Worker& worker = *workers_.local();
   GroupResult result;
   result.simplified = worker.simplifier.simplify(unit_.pending, members, unit_.locked, allow);
@@ -45,6 +50,16 @@ GroupResult LevelSimplifier::simplify_group(std::span<const uint32_t> members, A
     worker.clusteriser.append(result.simplified.mesh, kNone, result.clusters);
   result.simplified.mesh = {};
   return result;
+}
+
+GroupResult LevelSimplifier::simplify_again(const Clusters& groups, float ratio) {
+  groups_ = &groups;
+  ratio_ = ratio;
+  by_caller_ = false;
+  std::vector<GroupResult> results;
+  results.push_back(simplify_group(members_of(groups, 0), {}));
+  settle_added(results, false);
+  return std::move(results[0]);
 }
 
 void LevelSimplifier::insert_own_locked_edges() {

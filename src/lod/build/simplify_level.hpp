@@ -37,9 +37,11 @@ class LevelSimplifier {
   LevelSimplifier(Unit& unit, const Config& config, const Decimator& decimate);
 
   /// One result a group of the unit's pending clusters. New vertices are appended to the source.
-  /// `progress` is called with the part that is done, now and then.
-  std::vector<GroupResult> simplify(const Clusters& groups, bool last_resort,
+  /// `ratio` is what should be left; `progress` is called with the part that is done, now and then.
+  std::vector<GroupResult> simplify(const Clusters& groups, float ratio, bool last_resort,
                                     const std::function<void(double)>& progress);
+  /// The only group of the level to another ratio, without what the caller would do.
+  GroupResult simplify_again(const Clusters& groups, float ratio);
 
  private:
   struct Worker {
@@ -65,6 +67,8 @@ class LevelSimplifier {
   NewPositions new_positions_;
   tbb::enumerable_thread_specific<std::unique_ptr<Worker>> workers_;
   const Clusters* groups_ = nullptr;  // of the level
+  float ratio_ = 0;                   // of its triangles that should be left
+  bool by_caller_ = true;             // may be asked
 };
 
 }  // namespace umbel::lod

@@ -114,19 +114,66 @@ bool UnitBuilder::is_deep_enough() const {
 // One round over all pending clusters. Returns how many groups there were.
 size_t UnitBuilder::simplify_level(bool last_resort) {
   const Clusters groups = grouper_.group(unit_.pending, unit_.locked, grouping_);
+  if (groups.ranges.size() != 1 || unit_.pending.triangle_count() != left_by_step_) steps_.clear();
   grouper_.lock_borders(groups, unit_.locked);
   lock_frozen();
   // Half of what is left to do is this level.
   const double share = (1.0 - done_) * 0.5;
-  std::vector<GroupResult> results = simplifier_.simplify(groups, last_resort, [&](double part) {
-    progress_.report(done_ + share * part, "levels of detail");
-  });
+  std::vector<GroupResult> results;
+  if (!steps_.empty()) {
+    results.push_back(next_step());
+  } else {
+    results = simplifier_.simplify(groups, config_.ratio, last_resort, [&](double part) {
+      progress_.report(done_ + share * part, "levels of detail");
+    });
+    if (results.size() == 1) divide_step(groups, results[0]);
+  }
   done_ += share;
   grow();
   std::vector<Measured> measured(results.size());
   if (surface_distance_) measure(groups, results, measured);
   join(groups, results, measured);
   return results.size();
+}
+
+// A cut is of whole groups, so where one group is all that is left, few cuts are within a budget of
+// triangles. There steps are added between what is left and what it is simplified to, which is the
+// same as without them. So far up it costs little.
+void UnitBuilder::divide_step(const Clusters& groups, GroupResult& result) {
+  constexpr uint32_t kFirstLevel = 6;
+  constexpr int kSteps = 3;
+  constexpr double kLeastStep = 0.9;
+  if (unit_.level < kFirstLevel || !unit_.frozen.empty() || config_.max_levels > 0 ||
+      !result.simplified.done || !result.new_positions.empty() ||
+      result.simplified.limiting_factor == LimitingFactor::kCaller)
+    return;
+  size_t left = unit_.pending.triangle_count();
+  float moved = 0;
+  for (int step = 1; step < kSteps; ++step) {
+    const float ratio = std::pow(config_.ratio, static_cast<float>(step) / kSteps);
+    GroupResult between = simplifier_.simplify_again(groups, ratio);
+    const size_t count = between.clusters.triangle_count();
+    const float error = between.simplified.error;
+    if (!between.simplified.done || !between.new_positions.empty() || count > kLeastStep * left ||
+        result.clusters.triangle_count() > kLeastStep * count || error < moved ||
+        error > result.simplified.error)
+      continue;
+    between.simplified.error -= moved;
+    steps_.push_back(std::move(between));
+    left = count;
+    moved = error;
+  }
+  if (steps_.empty()) return;
+  result.simplified.error -= moved;
+  steps_.push_back(std::move(result));
+  result = next_step();
+}
+
+GroupResult UnitBuilder::next_step() {
+  GroupResult step = std::move(steps_.front());
+  steps_.pop_front();
+  left_by_step_ = step.clusters.triangle_count();
+  return step;
 }
 
 // What other units may have, and what the caller holds.

@@ -31,7 +31,9 @@ struct Candidate {
 
 /// What a simplification may do beyond the usual.
 struct Allowance {
+  float ratio = 0.5f;                       ///< of the triangles that should be left
   bool locked_edges = true;                 ///< new edges between locked vertices
+  bool by_caller = true;                    ///< the caller's own simplification is asked
   bool last_resort = false;                 ///< SimplifyMethod::kSloppy
   bool new_positions = true;                ///< positions that the group does not have, anywhere
   const UnusedPositions* unused = nullptr;  ///< without them: components may move to these

@@ -31,8 +31,8 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   size_t before = 0;
   for (uint32_t c : clusters) before += set.triangle_offsets[c + 1] - set.triangle_offsets[c];
   const Config& config = group_.config;
-  const size_t target = static_cast<size_t>(before * static_cast<double>(config.ratio));
-  const size_t good = static_cast<size_t>(before * kGoodEnough);
+  const size_t target = static_cast<size_t>(before * static_cast<double>(allow.ratio));
+  const size_t good = std::max(target, static_cast<size_t>(before * kGoodEnough));
   const size_t worthwhile = static_cast<size_t>(before * kStuck);
 
   Candidate best;
@@ -41,7 +41,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   Simplified result;
   bool by_caller = false;
   if (best.triangles.size() > target) {
-    by_caller = decimate_ && allow.new_positions &&
+    by_caller = decimate_ && allow.by_caller && allow.new_positions &&
                 decimate_by_caller(decimate_, target, worthwhile, group_, check_, best);
     result.limiting_factor = by_caller ? LimitingFactor::kCaller : try_methods(target, good, best);
   }
@@ -87,7 +87,8 @@ LimitingFactor GroupSimplifier::try_methods(size_t target, size_t good, Candidat
       best = std::move(candidate);
   };
   LimitingFactor limit = LimitingFactor::kNone;
-  consider(collapse_.regular(target, static_cast<size_t>(kGoodEnough * group_.triangles.size())));
+  consider(collapse_.regular(
+      target, std::max(target, static_cast<size_t>(kGoodEnough * group_.triangles.size()))));
   if (best.method == SimplifyMethod::kPrune) limit = LimitingFactor::kSmallComponents;
   const bool forced = collapse_.was_forced();
   if (!is_good() || forced) limit = collapse_.limiting_factor();

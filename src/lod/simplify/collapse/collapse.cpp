@@ -176,53 +176,60 @@ void EdgeCollapser::enqueue_best(uint32_t p) {
   queue_.remove(p);
 }
 
-// Once the best is found illegal.
+// Once the best is found illegal. Topology and flips are looked at before attributes, which are
+// dearer.
 void EdgeCollapser::enqueue_best_legal(uint32_t p) {
   LimitingFactor& limit = limiting_factors_[p] = rules_.limiting_factor();
+  const uint32_t illegal = link_.has_loop() ? kNone : choices_[p].target;
   candidates_.clear();
   mesh_.for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
-    candidates_.push_back({costs_.rank_of_position(p, target), target, c, after});
+    if (target != illegal)
+      candidates_.push_back({{costs_.rank_of_position(p, target), target, c, after}});
   });
-  const uint32_t illegal = link_.has_loop() ? kNone : choices_[p].target;
   Choice loop{std::numeric_limits<float>::infinity(), kNone};
   while (!candidates_.empty()) {
-    const Choice candidate = next_candidate(p);
-    if (!(candidate.rank < loop.rank)) break;
-    if (candidate.target == illegal) continue;
-    if (rules_.allow(p, candidate.target)) {
-      choose(p, candidate);
+    Candidate& first = first_candidate();
+    const uint32_t target = first.move.target;
+    const float rank = first.move.rank;
+    if (!(rank < loop.rank)) break;
+    if (!first.is_ranked && is_possible(p, first)) continue;
+    const bool is_legal = first.is_ranked && !first.has_loop && rules_.keep_seams(p, target);
+    const bool is_loop = first.is_ranked && first.has_loop && loop_.find(p, target);
+    if (is_legal) {
+      choose(p, {rank, target});
       states_[p] = State::kSecond;
       return;
     }
     limit = last_of(limit, rules_.limiting_factor());
-    if (!link_.has_loop() || !loop_.find(p, candidate.target)) continue;
-    const float rank = loop_.rank();
-    if (rank < loop.rank) loop = {rank, candidate.target};
+    first = candidates_.back();
+    candidates_.pop_back();
+    if (!is_loop) continue;
+    const float rank_of_loop = loop_.rank();
+    if (rank_of_loop < loop.rank) loop = {rank_of_loop, target};
   }
   if (loop.target == kNone) return;
   choose(p, loop);
   states_[p] = State::kLoop;
 }
 
-// Takes the cheapest of the candidates, of equals that of the lowest target. Attributes only add to
-// what positions cost, so they are looked at where that comes first; the corner is kNone then.
-EdgeCollapser::Choice EdgeCollapser::next_candidate(uint32_t p) {
-  const auto comes_first = [](const CollapseCosts::Move& a, const CollapseCosts::Move& b) {
-    if (a.rank != b.rank) return a.rank < b.rank;
-    const bool a_is_known = a.corner == kNone, b_is_known = b.corner == kNone;
-    return a_is_known != b_is_known ? b_is_known : a.target < b.target;
+// The cheapest, of equals that of the lowest target. Attributes only add to what positions cost, so
+// they are looked at where that comes first.
+EdgeCollapser::Candidate& EdgeCollapser::first_candidate() {
+  const auto comes_first = [](const Candidate& a, const Candidate& b) {
+    if (a.move.rank != b.move.rank) return a.move.rank < b.move.rank;
+    return a.is_ranked != b.is_ranked ? b.is_ranked : a.move.target < b.move.target;
   };
-  while (true) {
-    const auto first = std::min_element(candidates_.begin(), candidates_.end(), comes_first);
-    if (first->corner != kNone) {
-      *first = {costs_.choice(p, *first).rank, first->target, kNone, false};
-      continue;
-    }
-    const Choice choice{first->rank, first->target};
-    *first = candidates_.back();
-    candidates_.pop_back();
-    return choice;
-  }
+  return *std::min_element(candidates_.begin(), candidates_.end(), comes_first);
+}
+
+// Whether the candidate is legal but for seams, or may be as a loop. If so, it gets its rank.
+bool EdgeCollapser::is_possible(uint32_t p, Candidate& candidate) {
+  const bool keeps_surface = rules_.keep_surface(p, candidate.move.target);
+  if (!keeps_surface && !link_.has_loop()) return false;
+  candidate.move.rank = costs_.choice(p, candidate.move).rank;
+  candidate.is_ranked = true;
+  candidate.has_loop = !keeps_surface;
+  return true;
 }
 
 // `target` is a new neighbour of p. At a border only some neighbours are where it may move to.

@@ -70,6 +70,12 @@ class EdgeCollapser {
   /// Of a choice: the best, the best of those that were legal, to be made again, or to collapse a
   /// loop.
   enum class State : uint8_t { kCurrent, kSecond, kStale, kLoop };
+  /// A move that may take the place of an illegal one.
+  struct Candidate {
+    CollapseCosts::Move move;
+    bool is_ranked = false;  ///< with attributes, and legal but for seams, or
+    bool has_loop = false;   ///< only as a loop
+  };
 
   void load(const CollapseInput& input);
   void fill_queue();
@@ -77,7 +83,8 @@ class EdgeCollapser {
   void process(uint32_t p);
   void enqueue_best(uint32_t p);
   void enqueue_best_legal(uint32_t p);
-  Choice next_candidate(uint32_t p);
+  Candidate& first_candidate();
+  bool is_possible(uint32_t p, Candidate& candidate);
   void enqueue_postponed();
   bool was_ranked_too_low(uint32_t p);
   bool loses_attributes(uint32_t p, uint32_t target);
@@ -108,7 +115,7 @@ class EdgeCollapser {
   std::vector<Choice> choices_;                   // of positions
   std::vector<State> states_;                     // of choices_
   std::vector<uint32_t> ranked_again_;            // of positions: with how many triangles left
-  std::vector<CollapseCosts::Move> candidates_;   // scratch
+  std::vector<Candidate> candidates_;             // scratch
   std::vector<uint32_t> postponed_;               // positions whose choice is over the limit
   std::vector<LimitingFactor> limiting_factors_;  // of positions that are not in the queue
   float removed_radius_ = 0.0f;

@@ -7,12 +7,15 @@
 
 namespace umbel::lod {
 
-bool CollapseRules::allow(uint32_t p, uint32_t target) {
+bool CollapseRules::keep_surface(uint32_t p, uint32_t target) {
   link_.forget_loop();
   limiting_factor_ = LimitingFactor::kTopology;
   if (!link_.holds(p, target)) return false;
   limiting_factor_ = LimitingFactor::kFlip;
-  if (!mesh_.input().allow_flips && !keeps_orientation(p, target)) return false;
+  return mesh_.input().allow_flips || keeps_orientation(p, target);
+}
+
+bool CollapseRules::keep_seams(uint32_t p, uint32_t target) {
   limiting_factor_ = LimitingFactor::kSeams;
   return !mesh_.has_wedges() || wedges_.find(p, target);
 }

@@ -15,7 +15,13 @@ class CollapseRules {
 
   /// Whether p, which the link condition has marked last, may move onto its neighbour. If so, the
   /// wedge map holds what its vertices become.
-  bool allow(uint32_t p, uint32_t target);
+  bool allow(uint32_t p, uint32_t target) {
+    return keep_surface(p, target) && keep_seams(p, target);
+  }
+  /// The first part of it: the link condition, and no triangle flips.
+  bool keep_surface(uint32_t p, uint32_t target);
+  /// The second part.
+  bool keep_seams(uint32_t p, uint32_t target);
   /// Whether all triangles at p but those that `goes` (LinkEdge) says go keep their orientation.
   template <typename Goes>
   bool keeps_orientation_but_for(uint32_t p, uint32_t target, const Goes& goes) const;

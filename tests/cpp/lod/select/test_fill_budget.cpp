@@ -76,6 +76,28 @@ TEST(FillBudget, cuts_fit_are_whole_and_are_never_coarser_than_the_view) {
   EXPECT_GT(fuller, 3u);
 }
 
+// Where one group is all that is left, the cuts are no farther apart than four fifths.
+TEST(FillBudget, small_budgets_are_filled_where_one_group_is_left) {
+  const Tables& tables = blob_dag().tables;
+  const std::vector<uint32_t> costs = triangle_costs(tables);
+  std::map<uint32_t, int> groups;
+  std::map<uint32_t, uint64_t> triangles;
+  for (const Group& group : tables.groups) ++groups[group.level];
+  for (uint32_t c = 0; c < tables.clusters.size(); ++c)
+    triangles[tables.groups[tables.clusters[c].group].level] += costs[c];
+  uint64_t finer = 0;
+  int steps = 0;
+  for (const auto& [level, count] : triangles) {
+    if (level > 6 && groups[level] == 1 && groups[level - 1] == 1) {
+      EXPECT_GE(count, finer * 0.7) << "level " << level;
+      EXPECT_LE(count, finer * 0.9) << "level " << level;
+      ++steps;
+    }
+    finer = count;
+  }
+  EXPECT_GE(steps, 3);
+}
+
 // No group that may be refined is so cheap that it would still fit.
 TEST(FillBudget, nothing_that_fits_is_left) {
   const Tables& tables = blob_dag().tables;
