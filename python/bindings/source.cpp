@@ -3,9 +3,11 @@
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include <cstring>
 #include <map>
 
 #include "bind.hpp"
+#include "io/source/checked_source.hpp"
 #include "io/source/coherent.hpp"
 #include "io/source/face_table.hpp"
 #include "io/source/mesh_source.hpp"
@@ -88,6 +90,75 @@ class HeldMesh final : public io::TriangleSource {
  private:
   MeshArrays arrays_;
   io::MeshSource source_;
+};
+
+/// Any range of triangles as a function of Python gives it: the arrays of a block, or None.
+class CalledSource final : public io::TriangleSource {
+ public:
+  CalledSource(nb::object function, uint64_t triangles, std::vector<bool> streams)
+      : function_(std::move(function)), triangles_(triangles) {
+    streams.resize(5);
+    streams_ = {streams[0], streams[1], streams[2], streams[3], streams[4], {}};
+  }
+  CalledSource(const CalledSource&) = delete;
+  ~CalledSource() override {
+    const nb::gil_scoped_acquire held;
+    function_.reset();
+  }
+  uint64_t triangles() const override { return triangles_; }
+  io::SourceStreams streams() const override { return streams_; }
+
+  io::TriangleBlock read(uint64_t begin, uint64_t end) const override {
+    const nb::gil_scoped_acquire held;
+    try {
+      const nb::object arrays = function_(begin, end);
+      io::TriangleBlock block;
+      block.first = begin;
+      copy<Rows<double, 3>>(arrays[0], block.positions);
+      copy<Rows<uint32_t, 3>>(arrays[1], block.triangles);
+      copy<Rows<float, 3>>(arrays[2], block.normals);
+      copy<Rows<float, 4>>(arrays[3], block.tangents);
+      copy<Rows<float, 2>>(arrays[4], block.uvs);
+      copy<Rows<float, 4>>(arrays[5], block.colors);
+      copy<Flat<uint32_t>>(arrays[6], block.materials);
+      return block;
+    } catch (const nb::python_error& error) {
+      // Blocks are read by other threads, too, which must not keep objects of Python.
+      const std::string kind = nb::str(error.type().attr("__name__")).c_str();
+      throw Error(ErrorCode::kInvalidArgument,
+                  "triangles [" + std::to_string(begin) + ", " + std::to_string(end) +
+                      ") cannot be had: " + kind + ": " + nb::str(error.value()).c_str());
+    }
+  }
+
+ private:
+  template <typename Array, typename Element>
+  static void copy(const nb::handle& object, std::vector<Element>& out) {
+    if (object.is_none()) return;
+    const auto array = nb::cast<Array>(object);
+    out.resize(array.shape(0));
+    if (!out.empty()) std::memcpy(out.data(), array.data(), array.nbytes());
+  }
+
+  nb::object function_;
+  uint64_t triangles_;
+  io::SourceStreams streams_;
+};
+
+/// Its blocks are not believed.
+class CheckedCalls final : public io::TriangleSource {
+ public:
+  CheckedCalls(nb::object function, uint64_t triangles, std::vector<bool> streams)
+      : source_(std::move(function), triangles, std::move(streams)), checked_(source_) {}
+  uint64_t triangles() const override { return checked_.triangles(); }
+  io::SourceStreams streams() const override { return checked_.streams(); }
+  io::TriangleBlock read(uint64_t begin, uint64_t end) const override {
+    return checked_.read(begin, end);
+  }
+
+ private:
+  CalledSource source_;
+  io::CheckedSource checked_;
 };
 
 /// Puts parts in order whose triangles jump about; gives how many. Files have names that begin with
@@ -249,6 +320,9 @@ void bind_source(nb::module_& module) {
   nb::class_<HeldMesh, io::TriangleSource>(module, "MeshSource")
       .def(nb::init<MeshArrays, const std::array<double, 3>&, std::string>(), "mesh"_a, "origin"_a,
            "name"_a);
+  nb::class_<CheckedCalls, io::TriangleSource>(module, "CalledSource")
+      .def(nb::init<nb::object, uint64_t, std::vector<bool>>(), "function"_a, "triangles"_a,
+           "streams"_a);
   nb::class_<io::TableLayout>(module, "TableLayout", "Tables in files, and the meshes of them.")
       .def(nb::init<>())
       .def(

@@ -29,10 +29,9 @@ constexpr double kAttributeBytes = 20, kGivenAttributeBytes = 4;  // for each fl
 // The passes over the input, and writing.
 constexpr uint64_t kPassBytes = 300 << 20;
 
-std::string gigabytes(uint64_t bytes) {
+std::string gigabytes(double bytes) {
   std::array<char, 32> text;
-  // Up, so that what is said suffices.
-  std::snprintf(text.data(), text.size(), "%.2f GB", static_cast<double>(bytes) / 1e9 + 0.005);
+  std::snprintf(text.data(), text.size(), "%.2f GB", bytes / 1e9);
   return text.data();
 }
 
@@ -130,11 +129,12 @@ MemoryPlan plan_memory(uint64_t memory, uint32_t cores, uint64_t triangles,
   const uint64_t taken = triangles > scale.capacity ? TakenPositions::bytes(triangles) : 0;
   plan.unit_bytes = kWorkerBytes + taken + in_unit * bytes_of_triangle(streams, share);
   plan.least = std::max(kDriverBytes + plan.unit_bytes, kPassBytes) + taken;
+  const double enough = static_cast<double>(plan.least) + 5e6;  // to the next hundredth
   if (memory < plan.least)
     throw Error(ErrorCode::kInvalidArgument,
-                "memory of " + gigabytes(memory) + " is too little: units of " +
-                    std::to_string(in_unit) + " triangles need " + gigabytes(plan.least) +
-                    "; give that, or make units smaller with unit_triangles");
+                "memory of " + gigabytes(static_cast<double>(memory)) +
+                    " is too little: units of " + std::to_string(in_unit) + " triangles need " +
+                    gigabytes(enough) + "; give that, or make units smaller with unit_triangles");
   const uint64_t fitting = (memory - kDriverBytes - taken) / plan.unit_bytes;
   plan.workers = static_cast<uint32_t>(std::clamp<uint64_t>(fitting, 1, std::max(1u, cores)));
   return plan;

@@ -115,8 +115,14 @@ class ProcessExecutor final : public Executor {
     // The last line is the sentence; what is above it is for those who look for a fault.
     const size_t line = said.find_last_of('\n');
     if (line != std::string::npos) said = said.substr(line + 1);
-    if (said.empty()) said = name + " could not be built";
-    return TaskResult{task, said, code_of(WEXITSTATUS(status))};
+    const ErrorCode code = code_of(WEXITSTATUS(status));
+    if (said.empty()) {
+      said = name + " could not be built";
+      if (code == ErrorCode::kIo)
+        said += ", and why could not be written to " + work_.string() +
+                ": most likely the disk is full";
+    }
+    return TaskResult{task, said, code};
   }
 
   // A worker ends with 10 and its error's code.

@@ -7,9 +7,12 @@
 #include <fstream>
 #include <map>
 #include <span>
+#include <string>
+#include <string_view>
 #include <system_error>
 
 #include "base/file.hpp"
+#include "base/hash.hpp"
 
 #if defined(__unix__) || defined(__APPLE__)
 #define UMBEL_POSIX_LOCKS 1
@@ -27,7 +30,14 @@ namespace fs = std::filesystem;
   throw Error(ErrorCode::kInvalidArgument, sentence);
 }
 
-// A JSON object of strings, a line each.
+constexpr std::string_view kChecksum = ",\n  \"checksum\": \"";
+constexpr const char* kEnd = "\"\n}\n";
+
+std::string checksum_of(std::string_view text) {
+  return std::to_string(xxh64(text.data(), text.size()));
+}
+
+// A JSON object of strings, a line each; the last is a checksum of what is before.
 std::string manifest_of(const Identity& identity) {
   const auto quoted = [](const std::string& text) {
     std::string out = "\"";
@@ -42,13 +52,21 @@ std::string manifest_of(const Identity& identity) {
     text += text.size() == 1 ? "\n" : ",\n";
     text.append("  ").append(quoted(name)).append(": ").append(quoted(value));
   }
-  return text + "\n}\n";
+  return text + std::string(kChecksum) + checksum_of(text) + kEnd;
 }
 
 // The strings of such an object, in pairs.
 std::map<std::string, std::string> fields_of(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  // One of another build of the library may have no checksum: it is refused for that.
+  const size_t end = text.rfind(kChecksum);
+  bool is_whole = true;
+  if (end != std::string::npos) {
+    const std::string sum = checksum_of(std::string_view(text).substr(0, end));
+    is_whole = text.substr(end) == std::string(kChecksum) + sum + kEnd;
+    text.replace(end, std::string::npos, "\n}\n");
+  }
   std::vector<std::string> strings;
   bool inside = false;
   for (size_t i = 0; i < text.size(); ++i) {
@@ -60,7 +78,7 @@ std::map<std::string, std::string> fields_of(const fs::path& path) {
       strings.back() += text[i];
     }
   }
-  if (!file || inside || strings.size() % 2 != 0 || !text.ends_with("}\n"))
+  if (!file || inside || strings.size() % 2 != 0 || !is_whole || !text.ends_with("}\n"))
     throw Error(ErrorCode::kCorrupt,
                 path.string() + " is damaged: remove its folder and begin again");
   std::map<std::string, std::string> fields;

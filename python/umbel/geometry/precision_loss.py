@@ -9,7 +9,7 @@ import numpy as np
 from umbel import _umbel
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Mesh
-from umbel.geometry.origin import rounding_loss, zero_origin
+from umbel.geometry.origin import Rounding, rounding_loss, zero_origin
 
 _MOST_COLLAPSED = 0.01
 """The share of a mesh's triangles that may lose their area before a build refuses."""
@@ -21,15 +21,8 @@ _SAMPLE = 10_000
 def refuse_collapse(mesh: Mesh, step: float | None) -> None:
     """Raises if too many triangles lost their area when the mesh was read into float32, or would on
     a grid of this step."""
-    lost, total = mesh.rounding, len(mesh.triangles)
-    if lost.degenerate > _MOST_COLLAPSED * total:
-        raise Error(
-            f"{_named(mesh)}{lost.degenerate} of {total} triangles lost their area when positions "
-            f"were rounded to 32-bit floats, which moved vertices by up to "
-            f"{lost.largest_move:.3g}: the mesh is too large for its finest details; build parts "
-            f"of it that lie closer together, keep its instances apart, or build it as it is with "
-            f"force"
-        )
+    total = len(mesh.triangles)
+    refuse_lost_area(mesh.rounding, total, _named(mesh))
     if step is None:
         return
     snapped, moved = _umbel.snap_to_grid(mesh.positions, step)
@@ -39,6 +32,18 @@ def refuse_collapse(mesh: Mesh, step: float | None) -> None:
             f"{_named(mesh)}a grid of {step:.3g} would take the area of {lost.degenerate} of "
             f"{total} triangles and move vertices by up to {moved:.3g}: use a finer precision, "
             f"or build it as it is with force"
+        )
+
+
+def refuse_lost_area(lost: Rounding, triangles: int, where: str) -> None:
+    """Raises if too many of so many triangles lost their area as a mesh was read into float32."""
+    if lost.degenerate > _MOST_COLLAPSED * triangles:
+        raise Error(
+            f"{where}{lost.degenerate} of {triangles} triangles lost their area when positions "
+            f"were rounded to 32-bit floats, which moved vertices by up to "
+            f"{lost.largest_move:.3g}: the mesh is too large for its finest details; build parts "
+            f"of it that lie closer together, keep its instances apart, or build it as it is with "
+            f"force"
         )
 
 

@@ -18,7 +18,7 @@ from umbel.errors import Error
 from umbel.geometry.arrays import thread_count
 from umbel.geometry.mesh import Mesh
 from umbel.geometry.origin import Rounding
-from umbel.geometry.precision_loss import warn_of_rounding
+from umbel.geometry.precision_loss import refuse_lost_area, warn_of_rounding
 from umbel.geometry.repair import Progress
 from umbel.io.blocks import Paths, Source, open_source
 from umbel.lod.attribute_precision import exact_but
@@ -76,7 +76,8 @@ def build_asset(
     and threads, or how often the build was stopped. A mesh that fits into one unit gives what
     `build_lod` gives. Returns a report.
 
-    source: a mesh file, several as one mesh, a `Mesh`, or an iterable of blocks: see
+    source: a mesh file, several as one mesh, a `Mesh`, an iterable of blocks, or an
+        object that gives any range of its triangles (`triangle_count`, `block(begin, end)`): see
         `umbel.io.blocks.open_source`. Files may be patterns (`tiles/*.ply`), which stand for what
         they match in the order of the names, and source, output and work may be addresses
         (`s3://bucket/city.umbel`) of whatever fsspec knows; this machine then has a copy in its
@@ -197,6 +198,8 @@ def build_with(
         _remove_leftovers(made)
         files_or_blocks = fetch_sources(place.files, place.fetched) if place.files else source
         opened = open_source(files_or_blocks, folder_path / "source")
+        if not force:
+            refuse_lost_area(opened.rounding, opened.triangles.triangles, f"{place.said}: ")
         is_same = _is_same_input(opened, folder_path / "source_stamp", folder.is_resumed)
         cores = thread_count(threads) or os.cpu_count() or 1
         plan = _umbel.plan_units(
@@ -370,12 +373,13 @@ def _sorting_bytes(source: Source) -> int:
 
 def _warn_of_rounding(source: Source, finished: dict[str, Any], named: str) -> None:
     """As a build in memory does; what an edge is mostly like, some triangles tell."""
-    moved = finished["report"]["largest_move"]
-    if moved == 0:
+    report = finished["report"]
+    lost = source.rounding + Rounding(report["largest_move"], finished["collapsed_triangles"])
+    if lost.largest_move == 0:
         return
     some = source.triangles.read(0, min(source.triangles.triangles, 10_000))
     sample = Mesh(some["positions"], some["triangles"], source=named)
-    sample.rounding = Rounding(moved, finished["collapsed_triangles"])
+    sample.rounding = lost
     warn_of_rounding(sample)
 
 

@@ -131,6 +131,18 @@ def test_every_damaged_work_file_is_found(terrain: Path, expected: bytes, tmp_pa
         assert output.read_bytes() == expected, path.name
 
 
+def test_damaged_manifest_is_called_so(terrain: Path, tmp_path: Path) -> None:
+    output, manifest = tmp_path / "a.umbel", tmp_path / "a.umbel.work" / "manifest.json"
+    stopped(terrain, output, 0)
+    data = manifest.read_bytes()
+    for at in range(0, data.index(b'"checksum"') - 5, 17):
+        manifest.write_bytes(data[:at] + bytes([data[at] ^ 4]) + data[at + 1 :])
+        with pytest.raises(umbel.Error, match=r"manifest\.json is damaged: remove its folder"):
+            build_asset(terrain, output, unit_triangles=UNIT, resume=True)
+    manifest.write_bytes(data)
+    build_asset(terrain, output, unit_triangles=UNIT, resume=True)
+
+
 def test_changed_input_is_refused(terrain: Path, tmp_path: Path) -> None:
     mesh = tmp_path / "mesh.ply"
     shutil.copy(terrain, mesh)
@@ -180,7 +192,7 @@ def test_folder_of_somebody_else_stays(terrain: Path, tmp_path: Path) -> None:
 
 
 def test_too_little_memory_says_what_would_do(terrain: Path, tmp_path: Path) -> None:
-    with pytest.raises(umbel.Error, match=r"need 0\.\d+ GB"):
+    with pytest.raises(umbel.Error, match=r"of 0\.05 GB is .* need 0\.\d\d GB"):
         build_asset(terrain, tmp_path / "a.umbel", unit_triangles=UNIT, memory="50MB")
 
 
@@ -240,6 +252,18 @@ def test_full_disk_is_a_sentence_and_resumable(terrain: Path, tmp_path: Path) ->
     assert not output.exists()
     subprocess.run([*command, "--resume"], check=True, stdout=subprocess.DEVNULL)
     assert umbel.verify(output).ok
+
+
+def test_worker_that_cannot_say_why(
+    terrain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the disk is full, there is no room for a sentence either."""
+    full = ", and why could not be written to .*: most likely the disk is full"
+    for code, more in ((12, full), (1, "$")):
+        fails = ["sh", "-c", f"exit {code}"]
+        monkeypatch.setattr("umbel.scale.build_asset._command", lambda _, fails=fails: fails)
+        with pytest.raises(umbel.Error, match=f"unit . of tier . could not be built{more}"):
+            build_asset(terrain, tmp_path / f"{code}.umbel", unit_triangles=UNIT)
 
 
 def test_no_flag_is_suggested_that_units_do_not_have(tmp_path: Path) -> None:

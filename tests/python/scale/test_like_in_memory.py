@@ -4,6 +4,7 @@ and materials, or a sentence from both; nothing gets lost without a warning."""
 from __future__ import annotations
 
 import gzip
+import json
 import struct
 import warnings
 from pathlib import Path
@@ -132,6 +133,28 @@ def test_scenes_of_several_meshes(tmp_path: Path) -> None:
     assert any("4 nodes become one" in one for one in said)
 
 
+def test_what_assets_cannot_hold_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "rich.gltf"
+    umbel.save(path, colorful())
+    root = json.loads(path.read_text())
+    attributes = root["meshes"][0]["primitives"][0]["attributes"]
+    attributes |= {"COLOR_1": attributes["COLOR_0"], "_HEAT": attributes["POSITION"]}
+    samplers = [{"input": 0, "output": attributes["POSITION"]}]
+    channels = [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]
+    root["animations"] = [{"samplers": samplers, "channels": channels}]
+    root["scenes"].append({"nodes": []})
+    path.write_text(json.dumps(root | {"bogus": 1}))
+    with pytest.warns(umbel.LoadWarning) as heard:
+        umbel.load(path)
+    (sentence,) = [str(one.message) for one in heard]
+    assert "left out: the attributes COLOR_1, _HEAT; an animation; another scene; bogus" in sentence
+    # Such a file need not fit into memory.
+    monkeypatch.setattr("umbel.io.blocks.load_scene", None)
+    found, said = compare(path, tmp_path)
+    assert said == [sentence]
+    assert found["colors"]
+
+
 def attribute_sets(mesh: umbel.Mesh) -> dict[str, Any]:
     """What the corners of all triangles have, whatever their order."""
     _, extras = extras_of(mesh)
@@ -250,6 +273,25 @@ def test_rounding_is_warned_of(tmp_path: Path) -> None:
     assert not any("rounded" in one for one in compare(tmp_path / "near.ply", tmp_path)[1])
     blobs_apart(tmp_path / "far.ply", 300_000)
     assert any("rounded to 32-bit" in one for one in compare(tmp_path / "far.ply", tmp_path)[1])
+
+
+def pack(path: Path) -> Path:
+    """Packed files are read as a whole."""
+    packed = path.with_suffix(".ply.gz")
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    return packed
+
+
+def test_rounding_of_what_is_read_as_a_whole(tmp_path: Path) -> None:
+    blobs_apart(tmp_path / "far.ply", 300_000)
+    said = compare(pack(tmp_path / "far.ply"), tmp_path)[1]
+    assert sum("rounded to 32-bit" in one for one in said) == 1
+    blobs_apart(tmp_path / "dust.ply", 1e5, size=1e-3)
+    found, _ = compare(pack(tmp_path / "dust.ply"), tmp_path)
+    assert "triangles lost their area when positions were rounded" in found
+    packed = tmp_path / "dust.ply.gz"
+    with pytest.warns(umbel.LoadWarning, match="took the area of"):
+        build_asset(packed, tmp_path / "b.umbel", unit_triangles=UNIT, force=True)
 
 
 def test_what_rounding_destroys_is_refused_without_force(tmp_path: Path) -> None:

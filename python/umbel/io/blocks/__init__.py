@@ -13,8 +13,10 @@ from typing import Any
 from umbel import _umbel
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Material, Mesh
+from umbel.geometry.origin import Rounding
 from umbel.io import load_scene
 from umbel.io.blocks import gltf, obj, ply, stl
+from umbel.io.blocks.called import called, is_called
 from umbel.io.blocks.layout import Layout
 from umbel.io.blocks.spool import spool, spool_mesh
 from umbel.io.coordinates import sidecar
@@ -43,13 +45,17 @@ class Source:
     tree: dict[str, Any] = field(default_factory=dict)
     #: By which other machines that have the files open it (`layout.again`); None: they cannot.
     recipe: dict[str, list[Any]] | None = None
+    #: What float32 took of meshes that were read as a whole.
+    rounding: Rounding = field(default_factory=Rounding)
 
 
 def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[str]) -> Source:
     """One file, several, a mesh, or an iterable of blocks (meshes; anything with `positions` and
     `triangles`, and perhaps `normals`, `tangents`, `uvs`, `colors` and `materials`, a number a
     triangle; or pairs of the first two), as one mesh: parts that have vertices at equal positions
-    join there.
+    join there. An object that gives any range of its triangles is read range by range, several
+    times, and takes no disk: it has `triangle_count`, perhaps `vertex_count`, and
+    `block(begin, end)`, which gives such a block, the same each time (`umbel.testing.giant`).
 
     Binary PLY and STL and uncompressed glTF are read where they are. All else is written once to
     tables in the folder `work`, which must stay: OBJ and iterables in little memory; text of the
@@ -60,12 +66,16 @@ def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[st
     layout = Layout(Path(work))
     whole: Mesh | None = None
     coordinates: dict[str, str] = {}
+    rounding = Rounding()
     if isinstance(source, (str, os.PathLike)):
         files: list[Path] | None = [Path(source)]
     elif isinstance(source, Sequence) and all(isinstance(p, (str, os.PathLike)) for p in source):
         files = [Path(path) for path in source]
+    elif is_called(source):
+        return Source(called(source), vertices=getattr(source, "vertex_count", None))
     elif isinstance(source, Mesh):
         files, coordinates, whole = None, source.coordinates, source
+        rounding = source.rounding
         spool_mesh(layout, source, source.source or source.name or "the mesh")
     else:
         files = None
@@ -74,6 +84,9 @@ def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[st
     for file in files or []:
         said, mesh = _add(layout, file)
         whole = mesh if len(files or []) == 1 else None
+        if mesh is not None:
+            moved = max(rounding.largest_move, mesh.rounding.largest_move)
+            rounding = Rounding(moved, rounding.degenerate + mesh.rounding.degenerate)
         skinned += [file] if mesh is not None and mesh.joints is not None else []
         if len(skinned) > 1:
             raise Error(
@@ -102,6 +115,7 @@ def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[st
         layout.vertices,
         tree,
         layout.recipe,
+        rounding,
     )
 
 

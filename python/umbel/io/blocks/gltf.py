@@ -8,17 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from umbel.errors import Error, LoadWarning, warn_lost
+from umbel.errors import Error, LoadWarning
 from umbel.io.blocks.layout import Column, Extra, Layout
 from umbel.io.coordinates import GLTF as COORDINATES
 from umbel.io.files import GZIP, read_head
 from umbel.io.folder import Folder
 from umbel.io.gltf.buffers import Buffers, Json, glb_ranges, parse_json
 from umbel.io.gltf.images import texture_reader
+from umbel.io.gltf.losses import losses, missing_textures, unknown_names
 from umbel.io.gltf.materials import read_material
 from umbel.io.gltf.nodes import Nodes
 from umbel.io.gltf.reader import MOST_UVS, check_header
 from umbel.io.gltf.schema import check_schema
+from umbel.io.gltf.tree import Tree
 from umbel.io.scene import NO_MATERIAL, Instance, Scene
 
 __all__ = ["COORDINATES", "lay_out"]
@@ -33,6 +35,8 @@ _STREAMS = {
 _TYPES = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _TRIANGLES = 4
+#: Attributes that no asset has: those of applications, and further colours.
+_LEFT_OUT = ("_", "COLOR_")
 #: How the library numbers further texture coordinates.
 _UVS = 4
 
@@ -108,7 +112,7 @@ class _Plan:
         attributes = primitive.get("attributes") or {}
         further = _further(attributes)
         known_names = {*_STREAMS, *further}
-        other = [a for a in attributes if a not in known_names and not a.startswith("_")]
+        other = [a for a in attributes if a not in known_names and not a.startswith(_LEFT_OUT)]
         if (
             primitive.get("mode", _TRIANGLES) != _TRIANGLES
             or primitive.get("extensions")
@@ -207,8 +211,13 @@ class _Plan:
         textures = texture_reader(self.buffers, lost, self._view)
         entries = self.root.get("materials") or []
         numbers = layout.shared.add([read_material(entry, textures.image) for entry in entries])
+        drawn = self.nodes.drawn()
+        tree = Tree(self.root, self.nodes, drawn)
+        lost += losses(self.root, [self.nodes.node(k) for k in drawn], tree.lost)
+        lost += missing_textures(len(textures.missing))
+        lost += unknown_names(self.root)
         if lost:
-            warn_lost(f"{self.path} was read without", lost)
+            warnings.warn(f"{self.path}: left out: {'; '.join(lost)}", LoadWarning, stacklevel=5)
         files: dict[Path, int] = {}
         tables: dict[tuple[int, str], Column] = {}
 

@@ -6,12 +6,15 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from umbel.io.gltf.properties import unknown_properties
+
 Json = dict[str, Any]
 
 _TRIANGLES = (4, 5, 6)
 _PLAIN = {"POSITION", "NORMAL", "TANGENT", "COLOR_0", *(f"TEXCOORD_{k}" for k in range(8))}
 _SKIN = {f"{kind}_{k}" for kind in ("JOINTS", "WEIGHTS") for k in range(3)}
 _READ = {"KHR_draco_mesh_compression"}
+_SHOWN = 5  # names in a warning
 
 
 def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[str]:
@@ -39,6 +42,20 @@ def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[
     scenes = len(root.get("scenes") or [])
     if scenes > 1:
         yield f"{scenes - 1} other scenes" if scenes > 2 else "another scene"
+
+
+def missing_textures(count: int) -> Iterator[str]:
+    """So many that have no image."""
+    if count:
+        yield f"{count} textures without an image" if count > 1 else "a texture without an image"
+
+
+def unknown_names(root: Json) -> Iterator[str]:
+    """Properties that glTF does not have, the first of them by name."""
+    unknown = list(unknown_properties(root))
+    if unknown:
+        more = f" and {len(unknown) - _SHOWN} more" if len(unknown) > _SHOWN else ""
+        yield f"{', '.join(unknown[:_SHOWN])}{more}, which glTF does not have"
 
 
 def _attributes(attributes: Json) -> set[str]:

@@ -30,10 +30,9 @@ from umbel.io.folder import Folder
 from umbel.io.gltf.buffers import MESHOPT, Buffers, Json, parse_container
 from umbel.io.gltf.cameras import read_camera
 from umbel.io.gltf.images import texture_reader
-from umbel.io.gltf.losses import losses
+from umbel.io.gltf.losses import losses, missing_textures, unknown_names
 from umbel.io.gltf.materials import read_material
 from umbel.io.gltf.nodes import Nodes, instance_matrices
-from umbel.io.gltf.properties import unknown_properties
 from umbel.io.gltf.schema import check_schema
 from umbel.io.gltf.tree import Tree
 from umbel.io.polygons import strips
@@ -55,7 +54,6 @@ _LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4}
 _NUMBERED_WIDTHS = {"TEXCOORD": 2, "JOINTS": 4, "WEIGHTS": 4}
-_SHOWN = 5  # names in a warning
 MOST_UVS, _MOST_SKIN_SETS = 7, 3
 
 
@@ -75,7 +73,7 @@ def read_root(
     check_header(root, where)
     reader = _Reader(Buffers(root, binary, where, folder))
     scene = reader.scene()
-    reader.lost += _named(list(unknown_properties(root)))
+    reader.lost += unknown_names(root)
     if not scene.instances and (root.get("meshes") or root.get("nodes")):
         lost = f" ({'; '.join(reader.lost)})" if reader.lost else ""
         raise Error(f"{where} draws no triangles: it is no mesh{lost}")
@@ -83,14 +81,6 @@ def read_root(
         sentence = f"{where}: left out: {'; '.join(reader.lost)}"
         warnings.warn(sentence, LoadWarning, stacklevel=2)
     return scene
-
-
-def _named(unknown: list[str]) -> list[str]:
-    """Properties that glTF does not have, the first of them by name."""
-    if not unknown:
-        return []
-    more = f" and {len(unknown) - _SHOWN} more" if len(unknown) > _SHOWN else ""
-    return [f"{', '.join(unknown[:_SHOWN])}{more}, which glTF does not have"]
 
 
 def check_header(root: Json, where: str) -> None:
@@ -137,13 +127,7 @@ class _Reader:
             for matrix in instance_matrices(node, self.buffers, index):
                 instances.append(Instance(mesh, world @ matrix, name, tree.numbers[index]))
         self.lost += losses(self.root, [self.nodes.node(k) for k in drawn], tree.lost)
-        missing = len(self.textures.missing)
-        if missing:
-            self.lost.append(
-                f"{missing} textures without an image"
-                if missing > 1
-                else "a texture without an image"
-            )
+        self.lost += missing_textures(len(self.textures.missing))
         scene = Scene(self.meshes, self.materials, instances, cameras=self.cameras, tree=tree.json)
         place_skins(scene, self._exact)
         return self._with_materials(scene)
