@@ -23,6 +23,8 @@ from umbel.lod.instances import all_instances, local_transforms, scale_range
 
 #: From glTF's axes, y up, to those of tiles, z up, as 3D Tiles 1.1 defines it.
 Y_TO_Z = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+MOST_INSTANCES = 250_000
+"""All of a tree of instances are read."""
 _MARGIN = 1e-5
 """How much larger than a box what is read for it is, as planes are floats."""
 
@@ -42,16 +44,15 @@ class Source:
 
     def __init__(self, asset: Asset, up: str | None = None) -> None:
         self.asset = asset
-        if asset.has_instance_tree:
+        if asset.has_instance_tree and asset.instance_count > MOST_INSTANCES:
             raise Error(
-                f"{asset.path} has a tree of {asset.instance_count:,} instances, which cannot be "
-                "exported: save_asset stores up to 65,536 as a list"
+                f"{asset.path} has {asset.instance_count:,} instances, more than the "
+                f"{MOST_INSTANCES:,} that can be exported for other viewers"
             )
         self.turn = Y_TO_Z if axis_up(asset, up) == "y" else np.eye(3)
         self.materials = asset.materials
         #: Of each instance its mesh, and the (3, 4) matrix from that to tiles.
-        self.meshes = [mesh for mesh, _ in all_instances(asset)]
-        self._rows = local_transforms(asset)
+        self.meshes, self._rows = _instances_of(asset)
         self.turned = self.turn @ self._rows.astype(np.float64)
         self._moved = bool(len(asset._native.instance_meshes()))
         #: (n, 6): around each mesh as it is stored, and around each instance.
@@ -93,6 +94,8 @@ class Source:
         coarsest cut, where that has more."""
         native = self.asset._native
         meshes, rows = native.instance_meshes(), native.transforms().reshape(-1, 12)
+        if self.asset.has_instance_tree:
+            meshes, rows = np.array(self.meshes, np.uint32), self._rows.reshape(-1, 12)
         view = native.view_for_triangles(_umbel.view_error(0), triangles, meshes, rows)
         return float(view.error) if np.isfinite(view.error) else self.coarsest_error()
 
@@ -163,6 +166,17 @@ def copyright_of(asset: Asset) -> dict[str, Any]:
     """glTF's `asset` of the source, without what is of its file alone."""
     said = asset.scene.get("asset", {})
     return {k: said[k] for k in ("copyright", "extras") if k in said and json.dumps(said[k])}
+
+
+def _instances_of(asset: Asset) -> tuple[list[int], NDArray[np.float32]]:
+    """The meshes and (n, 3, 4) local transforms of all instances, also of those in a tree."""
+    if not asset.has_instance_tree:
+        return [mesh for mesh, _ in all_instances(asset)], local_transforms(asset)
+    children = _umbel.instance_nodes(asset._native)["children"].reshape(-1, 2)
+    leaves = np.flatnonzero(children[:, 1] == 0).tolist()
+    found = [_umbel.placements_of_node(asset._native, leaf) for leaf in leaves]
+    meshes: list[int] = np.concatenate([meshes for meshes, _ in found]).tolist()
+    return meshes, np.concatenate([rows.reshape(-1, 3, 4) for _, rows in found])
 
 
 def _box_of(bounds: Any) -> Doubles:

@@ -1,5 +1,6 @@
 """Scenes of very many instances: placements from arrays, trees of them, what views show."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -91,3 +92,22 @@ def test_wrong_placements_are_refused(tmp_path: Path) -> None:
     broken[2, 0, 0] = np.nan
     with pytest.raises(umbel.Error, match="instance 2"):
         umbel.save_asset(tmp_path / "a.umbel", [lod], umbel.Placements(broken))
+
+
+def test_exports_have_all_instances(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = umbel.shapes.blob(1, seed=1)
+    umbel.save_asset(tmp_path / "a.umbel", [umbel.build_lod(mesh)], umbel.Placements(grid(COUNT)))
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    assert asset.has_instance_tree
+    tiles = umbel.export_tiles(asset, tmp_path / "tiles")
+    levels = umbel.export_glb(asset, tmp_path / "a.glb")
+    assert tiles.triangles == levels.triangles[0] == COUNT * len(mesh.triangles)
+    data = (tmp_path / "a.glb").read_bytes()
+    size = int.from_bytes(data[12:16], "little")
+    gltf = json.loads(data[20 : 20 + size])
+    (node,) = [n for n in gltf["nodes"] if "extensions" in n]
+    (places,) = node["extensions"].values()
+    assert gltf["accessors"][places["attributes"]["TRANSLATION"]]["count"] == COUNT
+    monkeypatch.setattr("umbel.export.source.MOST_INSTANCES", COUNT - 1)
+    with pytest.raises(umbel.Error, match=r"70,000 instances, more than the 69,999 that can be"):
+        umbel.export_tiles(asset, tmp_path / "none")
