@@ -45,7 +45,7 @@ test-cpp: build  ## the C++ tests
 	@ctest --test-dir build/release --output-on-failure --no-tests=error -j $(JOBS) $(CTEST_ARGS)
 
 test-python: setup  ## the Python tests
-	@.venv/bin/python -m pytest $(PYTEST_ARGS)
+	@.venv/bin/python -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
 
 test-viewer: setup  ## the web viewer's tests
 	@scripts/node.sh test

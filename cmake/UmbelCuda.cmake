@@ -79,9 +79,9 @@ target_link_options(umbel_cuda_c PRIVATE
                     $<$<CXX_COMPILER_ID:GNU>:-static-libstdc++;-static-libgcc>)
 
 if(UMBEL_BUILD_TESTS)
-  file(GLOB umbel_cuda_test_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/cuda/*.cu
-       ${PROJECT_SOURCE_DIR}/tests/cuda/*.cpp)
-  add_executable(umbel_cuda_tests ${umbel_cuda_test_sources})
+  file(GLOB umbel_cuda_test_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/cuda/*.cu)
+  add_executable(umbel_cuda_tests ${umbel_cuda_test_sources}
+                                  $<TARGET_OBJECTS:umbel_device_tests_on_processor>)
   umbel_cuda_compile_options(umbel_cuda_tests)
   target_include_directories(umbel_cuda_tests PRIVATE ${PROJECT_SOURCE_DIR}/tests/cpp)
   target_link_libraries(umbel_cuda_tests PRIVATE umbel_cuda umbel_internal TBB::tbb

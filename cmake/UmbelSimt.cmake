@@ -31,11 +31,11 @@ endfunction()
 
 add_library(umbel_simt_machine OBJECT ${umbel_simt_machine})
 umbel_simt_options(umbel_simt_machine)
+target_compile_options(umbel_simt_machine PRIVATE -O2)
 
 # The processor's side.
-file(GLOB umbel_simt_on_processor CONFIGURE_DEPENDS
-     ${PROJECT_SOURCE_DIR}/tests/cuda/*_on_processor.cpp ${PROJECT_SOURCE_DIR}/src/capi/cuda/*.cpp)
-add_library(umbel_simt_test_objects OBJECT ${umbel_simt_tests} ${umbel_simt_on_processor})
+file(GLOB umbel_simt_capi CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/capi/cuda/*.cpp)
+add_library(umbel_simt_test_objects OBJECT ${umbel_simt_tests} ${umbel_simt_capi})
 umbel_simt_options(umbel_simt_test_objects)
 target_compile_definitions(umbel_simt_test_objects PRIVATE UMBEL_SIMT)
 add_library(umbel_simt_main OBJECT ${PROJECT_SOURCE_DIR}/tests/simt/main.cpp)
@@ -53,8 +53,10 @@ function(umbel_add_simt suffix)
   target_link_options(umbel_simt${suffix} PRIVATE LINKER:-Bsymbolic ${ARGN})
   target_link_libraries(umbel_simt${suffix} PRIVATE umbel_internal TBB::tbb ${CMAKE_DL_LIBS})
 
-  add_executable(umbel_simt_tests${suffix} $<TARGET_OBJECTS:umbel_simt_test_objects>
-                                           $<TARGET_OBJECTS:umbel_simt_main>)
+  add_executable(
+    umbel_simt_tests${suffix} $<TARGET_OBJECTS:umbel_simt_test_objects>
+                              $<TARGET_OBJECTS:umbel_simt_main>
+                              $<TARGET_OBJECTS:umbel_device_tests_on_processor>)
   # The executor's own tests have kernels in them.
   add_executable(umbel_simt_exec_tests${suffix} ${PROJECT_SOURCE_DIR}/tests/simt/exec_tests.cpp
                                                 $<TARGET_OBJECTS:umbel_simt_main>)

@@ -45,6 +45,16 @@ if(umbel_test_sources)
                        DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
 endif()
 
+# What tests of device code compare with, for a device's and for the emulated one.
+file(GLOB umbel_device_tests_sources CONFIGURE_DEPENDS
+     ${PROJECT_SOURCE_DIR}/tests/cuda/*_on_processor.cpp)
+add_library(umbel_device_tests_on_processor OBJECT EXCLUDE_FROM_ALL ${umbel_device_tests_sources})
+umbel_compile_options(umbel_device_tests_on_processor)
+target_include_directories(umbel_device_tests_on_processor PRIVATE ${PROJECT_SOURCE_DIR}/src
+                                                                   ${PROJECT_SOURCE_DIR}/tests/cpp)
+target_link_libraries(umbel_device_tests_on_processor PRIVATE umbel_internal TBB::tbb
+                                                              GTest::gtest_main)
+
 # The C interface for devices on the processor, for the tests of what calls it from Python.
 file(GLOB umbel_on_processor_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/on_processor/*.cpp
      ${PROJECT_SOURCE_DIR}/src/capi/cuda/*.cpp)

@@ -46,13 +46,23 @@ def project_fields() -> dict[str, str]:
     return {name: found[1] for name, found in named.items() if found}
 
 
+def without_build_paths(library: bytes) -> bytes:
+    """Its RUNPATH names the folders of a wheel first (cmake/UmbelCuda.cmake), and then those of the
+    machine that built it, which no other machine should look at."""
+    return re.sub(
+        rb"(\$ORIGIN/\.\./\.\./\.\.:\$ORIGIN/\.\./\.\./\.\./\.\./lib)(:[^\0]*)(?=\0)",
+        lambda found: found[1] + bytes(len(found[2])),
+        library,
+    )
+
+
 def write_wheel(library: Path, folder: Path) -> Path:
     project = project_fields()
     tag = f"py3-none-linux_{platform.machine()}"
     info = f"{NAME}-{project['version']}.dist-info"
     files = {
         f"{NAME}/__init__.py": INIT.encode(),
-        f"{NAME}/{LIBRARY}": library.read_bytes(),
+        f"{NAME}/{LIBRARY}": without_build_paths(library.read_bytes()),
         f"{info}/METADATA": metadata(project).encode(),
         f"{info}/WHEEL": (
             f"Wheel-Version: 1.0\nGenerator: umbel\nRoot-Is-Purelib: false\nTag: {tag}\n"

@@ -41,12 +41,15 @@ logs=${UMBEL_GPU_LOGS:-build/gpu-logs}
 mkdir -p "$logs" "$results_folder"
 
 status=0
+no_device=199  # instead of the status of a program that does without
 outcomes=()
 
 # Everything so far, where it is brought back from.
 keep() {
   [[ -d ${OUT:-} ]] || return 0
-  tar czf "$OUT/gpu-results.tar.gz" "$results"* "$logs" 2>/dev/null || true
+  # What was packed last stays whole if the machine is taken away now.
+  tar czf "$OUT/gpu-results.part" --exclude='*.ply' "$results"* "$logs" 2>/dev/null || true
+  mv -f "$OUT/gpu-results.part" "$OUT/gpu-results.tar.gz"
 }
 note() {
   outcomes+=("| $1 | $2 | $3 |")
@@ -63,8 +66,15 @@ step() {
   fi
   printf '== %s (at %d s)\n' "$name" $((SECONDS - started))
   timeout -k 5 $((left < most ? left : most)) "$@" >"$logs/$name.log" 2>&1 || code=$?
+  # A driver that is too old for the programs shows them none: tests are skipped, and benchmarks have
+  # the processor alone.
+  if ((code == 0)) &&
+    grep -qE 'there is no CUDA device here|without a CUDA device' "$logs/$name.log"; then
+    code=$no_device
+  fi
   case $code in
     0) note "$name" passed $((SECONDS - begun)) ;;
+    "$no_device") note "$name" "failed: CUDA finds no device that it can use" $((SECONDS - begun)) ;;
     124 | 137) note "$name" "out of time" $((SECONDS - begun)) ;;
     *) note "$name" "failed ($code)" $((SECONDS - begun)) ;;
   esac

@@ -1,4 +1,5 @@
 // Hierarchies that are built on a device: their bytes must be those of the processor.
+#include "any_mesh.hpp"
 #include "builders.hpp"
 #include "device_arrays.cuh"
 
@@ -108,6 +109,7 @@ TEST_F(BuildersOnDevice, hlbvh_is_that_of_the_processor) { expect_same("hlbvh");
 TEST_F(BuildersOnDevice, atrbvh_is_that_of_the_processor) { expect_same("atrbvh"); }
 TEST_F(BuildersOnDevice, ploc_is_that_of_the_processor) { expect_same("ploc"); }
 TEST_F(BuildersOnDevice, hploc_is_that_of_the_processor) { expect_same("hploc"); }
+TEST_F(BuildersOnDevice, sweep_is_that_of_the_processor) { expect_same("sweep"); }
 TEST_F(BuildersOnDevice, kmeans_is_that_of_the_processor) {
   expect_same("kmeans");
   DeviceBvhConfig medians = device_builder_preset("kmeans-q3");
@@ -146,6 +148,30 @@ TEST_F(BuildersOnDevice, more_clusters_than_a_device_takes_are_refused) {
   }
 }
 
+/// Also half of them with several boxes for long triangles.
+class AnySizeOfBuildersOnDevice : public BuildersOnDevice {
+ protected:
+  static void expect_same_of_any(const char* builder, uint32_t most = 3000) {
+    const AnyMesh mesh(most);
+    SCOPED_TRACE(mesh);
+    DeviceBvhConfig config = device_builder_preset(builder);
+    config.presplit = any_below(2) ? 0.25f * float(1 + any_below(4)) : 0;
+    expect_same(mesh, config);
+  }
+};
+
+TEST_F(AnySizeOfBuildersOnDevice, lbvh) { expect_same_of_any("lbvh"); }
+TEST_F(AnySizeOfBuildersOnDevice, hlbvh) { expect_same_of_any("hlbvh", 600); }
+TEST_F(AnySizeOfBuildersOnDevice, atrbvh) { expect_same_of_any("atrbvh"); }
+TEST_F(AnySizeOfBuildersOnDevice, ploc) { expect_same_of_any("ploc"); }
+TEST_F(AnySizeOfBuildersOnDevice, hploc) { expect_same_of_any("hploc"); }
+TEST_F(AnySizeOfBuildersOnDevice, sweep) { expect_same_of_any("sweep", 600); }
+TEST_F(AnySizeOfBuildersOnDevice, kmeans) {
+  constexpr const char* kQualities[] = {"kmeans-q1", "kmeans-q2", "kmeans-q3", "kmeans-q4",
+                                        "kmeans-q5"};
+  expect_same_of_any(kQualities[any_below(5)]);
+}
+
 class LargerBuildersOnDevice : public BuildersOnDevice {};
 
 TEST_F(LargerBuildersOnDevice, are_those_of_the_processor) {
@@ -153,10 +179,9 @@ TEST_F(LargerBuildersOnDevice, are_those_of_the_processor) {
     expect_same(shapes::terrain(40, 30, 5), device_builder_preset(builder));
     expect_same(shapes::fan(3000), device_builder_preset(builder));
   }
-  for (const char* builder : {"hlbvh", "sweep"})
-    expect_same(shapes::soup(150, 8), device_builder_preset(builder));
+  for (const char* builder : {"hlbvh", "sweep", "kmeans-q2", "kmeans-q5"})
+    expect_same(shapes::soup(2000, 8), device_builder_preset(builder));
 }
-TEST_F(BuildersOnDevice, sweep_is_that_of_the_processor) { expect_same("sweep"); }
 
 /// What compute-sanitizer looks at, which is slow.
 class BuildersSmallOnDevice : public BuildersOnDevice {};

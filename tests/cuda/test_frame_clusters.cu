@@ -3,6 +3,7 @@
 #include <numeric>
 #include <random>
 
+#include "any_mesh.hpp"
 #include "device_arrays.cuh"
 #include "umbel/cuda_clusters.hpp"
 #include "umbel/umbel_cuda_clusters.h"
@@ -206,61 +207,84 @@ TEST_F(LargerFrameClustersOnDevice, are_the_bytes_of_the_processor) {
   }
 }
 
+/// After a build, whose clusters follow a twisted mesh.
+void expect_same_updates(const Mesh& mesh, const FrameClusterConfig& config) {
+  Scene scene(mesh, config);
+  scene.expected.build(mesh.positions);
+  scene.build(scene.first, scene.input());
+  Mesh moved = mesh;
+  moved.positions = twisted(mesh.positions, 2);
+  scene.positions.write(interleaved(moved, Scene::kFloats));
+  with_scratch([&](void* scratch, size_t& bytes) {
+    refit_frame_clusters(scratch, bytes, scene.input(), config, scene.first.view(),
+                         scene.first.area_growth());
+  });
+  scene.first.expect_area_growth(scene.expected.refit(moved.positions));
+  scene.first.expect_same(scene.expected);
+  if (!config.max_vertices) {
+    with_scratch([&](void* scratch, size_t& bytes) {
+      rebuild_worst_frame_clusters(scratch, bytes, scene.input(), config, 20, scene.first.view(),
+                                   scene.first.area_growth(), scene.second.view(),
+                                   scene.second.area_growth());
+    });
+    scene.second.expect_area_growth(scene.expected.rebuild_worst(moved.positions, 20));
+    scene.second.expect_same(scene.expected);
+  }
+  Arrays& last = config.max_vertices ? scene.first : scene.second;
+  Arrays& next = config.max_vertices ? scene.second : scene.first;
+  DeviceMesh again = scene.input();
+  again.indices = last.indices.data();
+  again.items = last.items.data();
+  scene.build(next, again);
+  scene.expected.update(moved.positions);
+  next.expect_same(scene.expected);
+}
+
 TEST_F(FrameClustersOnDevice, updates_refits_and_partial_rebuilds_are_the_bytes_of_the_processor) {
   const Mesh mesh = shapes::blob(kEmulated ? 2 : 5, 4);
-  for (const FrameClusterConfig& config : configs()) {
-    Scene scene(mesh, config);
-    scene.expected.build(mesh.positions);
-    scene.build(scene.first, scene.input());
-    Mesh moved = mesh;
-    moved.positions = twisted(mesh.positions, 2);
-    scene.positions.write(interleaved(moved, Scene::kFloats));
-    with_scratch([&](void* scratch, size_t& bytes) {
-      refit_frame_clusters(scratch, bytes, scene.input(), config, scene.first.view(),
-                           scene.first.area_growth());
-    });
-    scene.first.expect_area_growth(scene.expected.refit(moved.positions));
-    scene.first.expect_same(scene.expected);
-    if (!config.max_vertices) {
-      with_scratch([&](void* scratch, size_t& bytes) {
-        rebuild_worst_frame_clusters(scratch, bytes, scene.input(), config, 20, scene.first.view(),
-                                     scene.first.area_growth(), scene.second.view(),
-                                     scene.second.area_growth());
-      });
-      scene.second.expect_area_growth(scene.expected.rebuild_worst(moved.positions, 20));
-      scene.second.expect_same(scene.expected);
-    }
-    Arrays& last = config.max_vertices ? scene.first : scene.second;
-    Arrays& next = config.max_vertices ? scene.second : scene.first;
-    DeviceMesh again = scene.input();
-    again.indices = last.indices.data();
-    again.items = last.items.data();
-    scene.build(next, again);
-    scene.expected.update(moved.positions);
-    next.expect_same(scene.expected);
-  }
+  for (const FrameClusterConfig& config : configs()) expect_same_updates(mesh, config);
+}
+
+void expect_same_vertex_lists(const Mesh& mesh, const FrameClusterConfig& config) {
+  Scene scene(mesh, config);
+  scene.expected.build(mesh.positions);
+  scene.build(scene.first, scene.input());
+  const uint32_t most = max_frame_clusters(scene.n, config);
+  const DeviceArray<uint32_t> offsets(most + 1), vertices(scene.n * 3);
+  const DeviceArray<uint8_t> corners(scene.n * 3);
+  with_scratch([&](void* scratch, size_t& bytes) {
+    list_frame_vertices(scratch, bytes, scene.n, config, scene.first.view(),
+                        {offsets.data(), vertices.data(), corners.data()});
+  });
+  const FrameVertexLists lists = list_frame_vertices(scene.expected);
+  EXPECT_EQ(offsets.read(lists.vertex_offsets.size()), lists.vertex_offsets);
+  EXPECT_EQ(vertices.read(lists.vertices.size()), lists.vertices);
+  const auto bytes = corners.read();
+  EXPECT_EQ(memcmp(bytes.data(), lists.corners.data(), bytes.size()), 0);
 }
 
 TEST_F(FrameClustersOnDevice, vertex_lists_are_the_bytes_of_the_processor) {
   const Mesh mesh = shapes::sphere(kEmulated ? 2 : 5);
   for (FrameClusterConfig config : configs()) {
     if (!config.max_vertices) config.max_triangles = 64;
-    Scene scene(mesh, config);
-    scene.expected.build(mesh.positions);
-    scene.build(scene.first, scene.input());
-    const uint32_t most = max_frame_clusters(scene.n, config);
-    const DeviceArray<uint32_t> offsets(most + 1), vertices(scene.n * 3);
-    const DeviceArray<uint8_t> corners(scene.n * 3);
-    with_scratch([&](void* scratch, size_t& bytes) {
-      list_frame_vertices(scratch, bytes, scene.n, config, scene.first.view(),
-                          {offsets.data(), vertices.data(), corners.data()});
-    });
-    const FrameVertexLists lists = list_frame_vertices(scene.expected);
-    EXPECT_EQ(offsets.read(lists.vertex_offsets.size()), lists.vertex_offsets);
-    EXPECT_EQ(vertices.read(lists.vertices.size()), lists.vertices);
-    const auto bytes = corners.read();
-    EXPECT_EQ(memcmp(bytes.data(), lists.corners.data(), bytes.size()), 0);
+    expect_same_vertex_lists(mesh, config);
   }
+}
+
+class AnySizeOfFrameClustersOnDevice : public FrameClustersOnDevice {};
+
+TEST_F(AnySizeOfFrameClustersOnDevice, clusters) {
+  const AnyMesh mesh(4000);
+  FrameClusterConfig config;
+  config.method = any_below(2) ? FrameMethod::kMorton : FrameMethod::kHybrid;
+  config.code_bits = any_below(2) ? 30 : 63;
+  config.max_triangles = 2 + any_below(any_below(2) ? 30 : 511);
+  config.max_vertices = any_below(2) ? 3 + any_below(254) : 0;
+  SCOPED_TRACE(mesh);
+  SCOPED_TRACE(config.max_triangles);
+  SCOPED_TRACE(config.max_vertices);
+  expect_same_updates(mesh, config);
+  if (config.max_vertices || config.max_triangles <= 85) expect_same_vertex_lists(mesh, config);
 }
 
 TEST_F(FrameClustersOnDevice, a_graph_follows_new_positions) {

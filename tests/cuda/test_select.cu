@@ -1,5 +1,6 @@
 #include <random>
 
+#include "any_mesh.hpp"
 #include "device_arrays.cuh"
 #include "lod/synthetic_dag.hpp"
 #include "selected.hpp"
@@ -130,6 +131,22 @@ TEST_F(SelectOnDevice, cuts_are_those_of_the_processor_where_rounding_decides) {
       scene.expect(lod::select_instances(tables, view, {}, instances));
     }
   }
+}
+
+class AnySizeOfSelectOnDevice : public SelectOnDevice {};
+
+TEST_F(AnySizeOfSelectOnDevice, cuts) {
+  Random random(any_below(1000));
+  const lod::testing::Extent extent{1, {}};
+  const lod::Tables tables =
+      lod::testing::random_tables(1 + any_below(100), any_size(1000), extent);
+  const auto instances = transforms(any_size(100), any_below(1000));
+  Scene scene(tables, {}, any_below(2) ? frustum({9, 5, 20}) : std::vector<lod::Plane>{},
+              instances);
+  const lod::View view = lod::testing::random_camera(random, tables, extent);
+  scene.view.write({view});
+  scene.select();
+  scene.expect(lod::select_instances(tables, view, {scene.planes.read(), {}}, instances));
 }
 
 TEST_F(SelectOnDevice, a_graph_follows_the_camera) {

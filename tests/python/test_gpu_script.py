@@ -104,6 +104,20 @@ def test_what_fails_or_does_not_end_stops_nothing_else(machine) -> None:
     assert "cuda_query_bench" not in page
 
 
+@pytest.mark.parametrize(
+    "said",
+    [
+        "device_arrays.cuh:32: Skipped\nthere is no CUDA device here",
+        "# Clusters without a CUDA device",
+    ],
+)
+def test_tests_that_skip_for_want_of_a_device_do_not_pass(machine, said: str) -> None:
+    status, page, _ = machine("measure", umbel_cuda_tests=f"echo '{said}'")
+    assert status == 1
+    assert outcomes(page)["tests"] == "failed: CUDA finds no device that it can use"
+    assert outcomes(page)["clusters"] == "passed"
+
+
 def test_a_crash_is_told_from_time_that_ran_out(machine) -> None:
     status, page, _ = machine("measure", cuda_bench="kill -SEGV $$")
     assert status == 1

@@ -184,6 +184,8 @@ def address(array: Any) -> int:
 def on_host(array: Any, stream: int | None = None) -> Any:
     """The values of an array of a device, once they are there: written in this stream, and copied
     by its package in the package's own."""
+    if is_on_host(array):  # has been copied
+        return array
     if stream is not None:
         wait(stream, address(array))
     for copy in ("get", "copy_to_host"):  # of CuPy, of Numba

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from umbel.cuda.arrays import current_stream, device_array
+from umbel.cuda.arrays import current_stream, device_array, is_on_host
 from umbel.cuda.c_structs import c_fields
 from umbel.cuda.calls import Scratch, address, check, library, maker, on_host
+from umbel.cuda.memory import DeviceMemory, given_back
 from umbel.errors import Error
 
 if TYPE_CHECKING:
@@ -88,7 +89,8 @@ class Counts:
 
 @dataclass(frozen=True)
 class Selection:
-    """What instances show, on the device; integers are int32."""
+    """What instances show, on the device (of a selector like NumPy's arrays, in those); integers
+    are int32."""
 
     offsets: Any
     """(i + 1,): instance i shows clusters[offsets[i] : offsets[i + 1]], ascending."""
@@ -135,7 +137,8 @@ class Selector:
     """Selects cuts of one mesh for many instances, as `Tables.instance_cuts` does.
 
     tables: of a Lod or an Asset; copied to the device.
-    like: an array on the device, whose package makes all others: CuPy, PyTorch or Numba.
+    like: an array, whose package makes all others: CuPy, PyTorch or Numba, or NumPy, whose arrays
+        are copied to the device and back.
     normal_cones: what `normal_cones` of a Lod or an Asset gives; clusters that turn their back are
         left out.
     page_of_group: (g,) the page of each group, for assets that are not all in memory.
@@ -275,7 +278,14 @@ class Selector:
             feedback,
             stream=where,
         )
-        return chosen
+        return Selection(
+            given_back(chosen.offsets, where),
+            given_back(chosen.clusters, where),
+            given_back(chosen.counts_array, where),
+            given_back(chosen.urgencies, where),
+            given_back(chosen.requests_array, where),
+            stream=where,
+        )
 
     def _put_view(self, words: Any, stream: int) -> Any:
         """A view on the device, written by a kernel that has it as an argument, so nothing waits
@@ -340,6 +350,8 @@ def _bytes(table: Any) -> Any:
 
 def _putter(like: Any) -> Any:
     """A function that makes arrays of the package of an array from those of NumPy."""
+    if is_on_host(like):
+        return lambda array: DeviceMemory.of(array, 0)
     package = type(like).__module__.partition(".")[0]
     if package == "torch":
         import torch  # type: ignore[import-not-found,unused-ignore]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,17 @@ def test_the_package_finds_the_library_of_the_wheel(tmp_path: Path) -> None:
         [sys.executable, "-c", USE], capture_output=True, text=True, check=True, env=environment
     )
     assert used.stdout.split() == [str(folder / "umbel_cuda" / "libumbel_cuda_c.so"), "10"]
+
+
+def test_no_folder_of_the_building_machine_is_searched(tmp_path: Path) -> None:
+    own = b"\0$ORIGIN/../../..:$ORIGIN/../../../../lib"
+    library = tmp_path / "library.so"
+    library.write_bytes(b"before" + own + b":/home/me/lib:/opt/lib\0behind")
+    subprocess.run([sys.executable, SCRIPT, "--library", library, "-o", tmp_path], check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        packed = archive.read("umbel_cuda/libumbel_cuda_c.so")
+    assert packed == b"before" + own + bytes(len(":/home/me/lib:/opt/lib") + 1) + b"behind"
 
 
 def test_without_a_library_it_says_how_to_build_one(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Packages of arrays on a device, for tests: PyTorch, CuPy, Numba, and none, with the same
+"""Packages of arrays on a device, for tests: PyTorch, CuPy, Numba, NumPy, and none, with the same
 functions on the processor. Needs nothing of the package that is compiled."""
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import pytest
 
 from helpers.commands import BUILD
 from umbel import cuda
+from umbel.cuda import calls
+from umbel.errors import Error
 
 ON_PROCESSOR = BUILD / "libumbel_cuda_on_processor.so"
 
@@ -46,6 +48,31 @@ class Processor:
         return array.get()
 
 
+class Host:
+    """NumPy alone, whose arrays are copied in and back: on a device where the library for one finds
+    one, and otherwise on the processor."""
+
+    works = True
+
+    def __init__(self):
+        self.options = {}
+        self.library = cuda.library_path() if self._is_there_a_device() else ON_PROCESSOR
+
+    @staticmethod
+    def _is_there_a_device():
+        try:
+            calls.wait(0)
+        except Error:
+            return False
+        return True
+
+    def put(self, array):
+        return array
+
+    def get(self, array):
+        return array
+
+
 # How arrays come to the device, and back.
 WAYS = {
     "torch": (lambda torch, array: torch.from_numpy(array).cuda(), lambda a: a.cpu().numpy()),
@@ -68,7 +95,8 @@ class Device:
 
 def packaged(name, monkeypatch):
     try:
-        package = Processor() if name == "processor" else Device(name)
+        own = {"processor": Processor, "numpy": Host}
+        package = own[name]() if name in own else Device(name)
     except ImportError:
         pytest.skip(f"there is no {name} here")
     if not package.works:
@@ -79,4 +107,4 @@ def packaged(name, monkeypatch):
     return package
 
 
-PACKAGES = ("processor", *WAYS)
+PACKAGES = ("processor", "numpy", *WAYS)

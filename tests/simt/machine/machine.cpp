@@ -6,7 +6,6 @@
 #include <bit>
 #include <cstdio>
 #include <memory>
-#include <random>
 #include <unordered_map>
 #include <vector>
 
@@ -49,7 +48,6 @@ struct Meeting {
 };
 
 struct Lane {
-  bool waits = false;
   WarpOp op{};
   uint32_t mask = 0, from = 0;
   uint64_t value = 0, result = 0;
@@ -62,6 +60,7 @@ struct Gathering {
 
 struct Warp {
   Lane lanes[kWarpLanes];
+  uint32_t waiting = 0;  ///< lanes that wait for others
   /// Of lanes that meet, by the first one of them: others of the warp may meet at the same time.
   uint32_t phases[kWarpLanes] = {};
   char tags[kWarpLanes][2] = {};
@@ -97,9 +96,25 @@ struct Grid {
   uint32_t live = 0;  ///< threads that began and have not ended
 };
 
-std::mt19937_64 generator;
+/// Splitmix64: few instructions, since every switch asks for a number.
+struct Generator {
+  using result_type = uint64_t;  // NOLINT(readability-identifier-naming): std::shuffle's name
+  uint64_t state = 0;
+
+  static constexpr uint64_t min() { return 0; }
+  static constexpr uint64_t max() { return ~uint64_t{0}; }
+  uint64_t operator()() {
+    uint64_t bits = state += 0x9e3779b97f4a7c15u;
+    bits = (bits ^ bits >> 30) * 0xbf58476d1ce4e5b9u;
+    bits = (bits ^ bits >> 27) * 0x94d049bb133111ebu;
+    return bits ^ bits >> 31;
+  }
+};
+
+Generator generator;
 Fiber* home = nullptr;
 Thread* running = nullptr;
+Thread* ended = nullptr;  ///< the one that went home because it is done
 Grid grid;
 char end_tag;
 uint32_t most_together = ~0u;
@@ -126,6 +141,7 @@ void thread_main() {
     release(&self.block->end_tag);
     release(&end_tag);
     self.is_done = true;
+    ended = &self;
     self.fiber.switch_to(*home);
   }
 }
@@ -141,11 +157,41 @@ void make_runnable(Thread& t) {
   grid.runnable.push_back({&t, nullptr, nullptr});
 }
 
+void close_gathering(const Runnable& r);
+Runnable take_next();
+
+/// The thread that runs next; null if none can.
+Thread* next_thread() {
+  while (!grid.runnable.empty()) {
+    const Runnable next = take_next();
+    if (next.thread) return next.thread;
+    close_gathering(next);
+  }
+  return nullptr;
+}
+
+/// Goes from `from` to a thread.
+void enter(Thread& t, Fiber& from) {
+  running = &t;
+  thread_index = {t.index, 0, 0};
+  block_index = {t.block->index, 0, 0};
+  from.switch_to(t.fiber);
+}
+
+/// Lets another thread run, or goes home if none can, until somebody comes back to this one.
+void stop() {
+  Thread& self = *running;
+  Thread* const next = next_thread();
+  if (!next)
+    self.fiber.switch_to(*home);
+  else if (next != &self)
+    enter(*next, self.fiber);
+}
+
 /// Stops the running thread until somebody makes it runnable.
 void wait_for(const char* what) {
-  Thread& self = *running;
-  self.waits_for = what;
-  self.fiber.switch_to(*home);
+  running->waits_for = what;
+  stop();
 }
 
 Warp& warp_of(const Thread& t) { return t.block->warps[t.index / kWarpLanes]; }
@@ -164,7 +210,7 @@ uint32_t meet(Meeting& meeting, uint32_t all, bool flag, const char* what, const
       if (&t != running) make_runnable(t);
     });
     make_runnable(*running);
-    running->fiber.switch_to(*home);
+    stop();
   } else {
     wait_for(what);
   }
@@ -183,10 +229,44 @@ uint32_t meet_in_block(bool counts, bool flag) {
 }
 
 uint32_t lanes_with(const Warp& warp, uint32_t mask, uint64_t value) {
-  uint32_t lanes = 0;
-  for (uint32_t l = 0; l < kWarpLanes; ++l)
-    if (mask >> l & 1 && warp.lanes[l].value == value) lanes |= 1u << l;
-  return lanes;
+  uint32_t found = 0;
+  for (uint32_t lanes = mask; lanes != 0; lanes &= lanes - 1)
+    if (warp.lanes[std::countr_zero(lanes)].value == value) found |= lanes & -lanes;
+  return found;
+}
+
+/// Whether all lanes that a lane meets are there. They must agree.
+bool are_all_here(const Warp& warp, uint32_t self) {
+  const Lane& lane = warp.lanes[self];
+  if ((warp.waiting & lane.mask) != lane.mask) return false;
+  for (uint32_t lanes = lane.mask; lanes != 0; lanes &= lanes - 1) {
+    const Lane& other = warp.lanes[std::countr_zero(lanes)];
+    // One that waits for others alone comes later.
+    if (!(other.mask >> self & 1)) return false;
+    if (other.op != lane.op || other.mask != lane.mask)
+      fail("lanes of a warp meet with different operations or masks");
+  }
+  return true;
+}
+
+/// What the operation of these lanes gives each of them.
+void give_results(Warp& warp, WarpOp op, uint32_t mask) {
+  const uint32_t ballot = op == WarpOp::kBallot ? lanes_with(warp, mask, 1) : 0;
+  for (uint32_t lanes = mask; lanes != 0; lanes &= lanes - 1) {
+    const auto l = static_cast<uint32_t>(std::countr_zero(lanes));
+    Lane& to = warp.lanes[l];
+    if (op == WarpOp::kSync) {
+      to.result = 0;
+    } else if (op == WarpOp::kBallot) {
+      to.result = ballot;
+    } else if (op == WarpOp::kMatch) {
+      to.result = lanes_with(warp, mask, to.value);
+    } else {
+      const uint32_t source = (op == WarpOp::kShuffleXor ? l ^ to.from : to.from) % kWarpLanes;
+      if (!(mask >> source & 1)) fail("a lane asks for the value of one that is not in the mask");
+      to.result = warp.lanes[source].value;
+    }
+  }
 }
 
 /// Ends a gathering of lanes, or of some of them.
@@ -258,17 +338,17 @@ Runnable take_next() {
   return r;
 }
 
-/// Runs a thread until it stops; whether that was its block's last end.
-bool run_thread(Thread& t) {
-  running = &t;
-  thread_index = {t.index, 0, 0};
-  block_index = {t.block->index, 0, 0};
-  home->switch_to(t.fiber);
+/// Runs threads until one ends, or none can; returns a block whose last one ended.
+Block* run_threads() {
+  Thread* const first = next_thread();
+  if (!first) fail("threads wait for others that never come");
+  ended = nullptr;
+  enter(*first, *home);
   running = nullptr;
-  if (!t.is_done) return false;
-  free_threads.push_back(&t);
+  if (!ended) return nullptr;
+  free_threads.push_back(ended);
   --grid.live;
-  return --t.block->live == 0;
+  return --ended->block->live == 0 ? ended->block : nullptr;
 }
 
 }  // namespace
@@ -281,9 +361,9 @@ void fail(const char* what) {
   _exit(70);
 }
 
-void set_seed(uint64_t seed) { generator.seed(seed); }
+void set_seed(uint64_t seed) { generator.state = seed; }
 
-uint32_t random_below(uint32_t end) { return uint32_t(generator() % end); }
+uint32_t random_below(uint32_t end) { return uint32_t((generator() >> 32) * end >> 32); }
 
 int multiprocessors() { return int(1 + random_below(3)); }
 int blocks_per_multiprocessor() { return 1; }
@@ -317,12 +397,7 @@ void run_grid(uint32_t blocks, uint32_t threads, bool is_cooperative,
       free_places.pop_back();
       order.pop_back();
     }
-    if (grid.runnable.empty()) fail("threads wait for others that never come");
-    const Runnable next = take_next();
-    if (next.gathering)
-      close_gathering(next);
-    else if (run_thread(*next.thread))
-      free_places.push_back(next.thread->block);
+    if (Block* const over = run_threads()) free_places.push_back(over);
   }
   for (const auto& place : places) place->threads.clear();
   acquire(&end_tag);
@@ -331,7 +406,7 @@ void run_grid(uint32_t blocks, uint32_t threads, bool is_cooperative,
 void yield() {
   if (!running) return;
   make_runnable(*running);
-  running->fiber.switch_to(*home);
+  stop();
 }
 
 void before_atomic(const void* address) {
@@ -364,46 +439,21 @@ uint64_t meet_warp(WarpOp op, uint32_t mask, uint64_t value, uint32_t from) {
   Warp& warp = warp_of(*running);
   const uint32_t self = running->index % kWarpLanes;
   if (!(mask >> self & 1)) fail("a lane is not in its own mask");
-  Lane& lane = warp.lanes[self];
-  lane = {true, op, mask, from, value, 0};
   const auto first = static_cast<uint32_t>(std::countr_zero(mask));
+  warp.lanes[self] = {op, mask, from, value, 0};
   char* tag = &warp.tags[first][warp.phases[first]];
   if (op == WarpOp::kSync) release(tag);
-  bool are_all_here = true;
-  for (uint32_t l = 0; l < kWarpLanes; ++l) {
-    if (!(mask >> l & 1)) continue;
-    const Lane& other = warp.lanes[l];
-    // One that waits for others alone comes later.
-    if (!other.waits || !(other.mask >> self & 1))
-      are_all_here = false;
-    else if (other.op != op || other.mask != mask)
-      fail("lanes of a warp meet with different operations or masks");
-  }
-  if (!are_all_here) {
+  warp.waiting |= 1u << self;
+  if (!are_all_here(warp, self)) {
     wait_for("its warp");
   } else {
-    uint32_t ballot = 0;
-    for (uint32_t l = 0; l < kWarpLanes; ++l)
-      if (mask >> l & 1) ballot |= (warp.lanes[l].value != 0 ? 1u : 0u) << l;
+    give_results(warp, op, mask);
+    warp.waiting &= ~mask;
     Thread** threads = &running->block->threads[running->index - self];
-    for (uint32_t l = 0; l < kWarpLanes; ++l) {
-      if (!(mask >> l & 1)) continue;
-      Lane& to = warp.lanes[l];
-      const uint32_t source = (op == WarpOp::kShuffleXor ? l ^ to.from : to.from) % kWarpLanes;
-      if ((op == WarpOp::kShuffle || op == WarpOp::kShuffleXor) && !(mask >> source & 1))
-        fail("a lane asks for the value of one that is not in the mask");
-      if (op == WarpOp::kMatch)
-        to.result = lanes_with(warp, mask, to.value);
-      else
-        to.result = op == WarpOp::kBallot ? ballot : warp.lanes[source].value;
-    }
-    for (uint32_t l = 0; l < kWarpLanes; ++l)
-      if (mask >> l & 1) {
-        warp.lanes[l].waits = false;
-        make_runnable(*threads[l]);
-      }
+    for (uint32_t lanes = mask; lanes != 0; lanes &= lanes - 1)
+      make_runnable(*threads[std::countr_zero(lanes)]);
     if (op == WarpOp::kSync) warp.phases[first] ^= 1;
-    running->fiber.switch_to(*home);
+    stop();
   }
   if (op == WarpOp::kSync) acquire(tag);
   return warp.lanes[self].result;
