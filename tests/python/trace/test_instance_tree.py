@@ -70,8 +70,6 @@ def test_cuts_of_a_tree_are_by_error_or_camera(saved: Path) -> None:
     assert 0 < len(cuts) < SIDE * SIDE
     with pytest.raises(umbel.Error, match="tree"):
         asset.scene_cuts(level=0)
-    with pytest.raises(umbel.Error, match="tree"):
-        umbel.export_tiles(asset, saved.parent / "tiles")
 
 
 def test_tables_spread_over_instances() -> None:
