@@ -141,7 +141,7 @@ def test_the_simulation_loads_what_is_needed(tmp_path: Path) -> None:
     for line in bench.LINES:
         errors = [rows[line, budget]["median_error"] for budget in budgets]
         assert errors == sorted(errors, reverse=True)
-    assert rows["disk", 1.0]["near"] > 0.8
+    assert rows["disk", 1.0]["near"] >= 0.75
     assert rows["disk", 0.05]["near"] < 0.2
     assert rows["bad network", 1.0]["failures"] > 0
     assert rows["disk", 1.0]["failures"] == 0
