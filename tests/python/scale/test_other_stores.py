@@ -83,7 +83,7 @@ def test_another_machine_goes_on(
 
 
 def test_what_others_wrote_is_seen(store: dict[str, bytes]) -> None:
-    """Lists and small files are read anew."""
+    """Lists and small files are read again."""
     folder = Folder("bucket://b/small")
     folder.write("a", b"1")
     assert folder.files() == {"a": 1}

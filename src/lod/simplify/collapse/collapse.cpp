@@ -176,8 +176,8 @@ void EdgeCollapser::enqueue_best(uint32_t p) {
   queue_.remove(p);
 }
 
-// Once the best is found illegal. Topology and flips are looked at before attributes, which are
-// dearer.
+// Once the best is found illegal. Topology and flips are looked at before attributes, which cost
+// more.
 void EdgeCollapser::enqueue_best_legal(uint32_t p) {
   LimitingFactor& limit = limiting_factors_[p] = rules_.limiting_factor();
   const uint32_t illegal = link_.has_loop() ? kNone : choices_[p].target;
