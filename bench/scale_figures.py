@@ -1,12 +1,13 @@
 """Builds of large meshes in a fixed memory, beside builds in memory: the table of docs/scale.md.
 
     .venv/bin/python bench/scale_figures.py [16:1GB 64:2GB ...] [--in-core 16 ...] [--kind terrain]
-        [--folder DIR] [-o TABLE.md]
+        [--folder DIR] [--direct] [-o TABLE.md]
 
 Each of "millions of triangles:memory" is written as a PLY by the generator and built with
 `umbel build --memory`, in a control group with that limit where this process may make one (Linux,
-versions 1 and 2); else nothing enforces it. Then the asset is opened, and a cut is taken. It takes
-some 60 bytes of disk a triangle. Of each build:
+versions 1 and 2); else nothing enforces it. With `--direct` there is no file: the build asks the
+generator for each range of triangles, every time that it reads it. Then the asset is opened, and a
+cut is taken. It takes some 60 bytes of disk a triangle, with `--direct` some 42. Of each build:
 
 seconds, processor seconds: of all processes; processor time can be compared on a busy machine
 resident: the most that all processes had at a time, by looking every 50 ms; shared pages count in
@@ -14,6 +15,7 @@ resident: the most that all processes had at a time, by looking every 50 ms; sha
 group: the most that the control group had, with the pages of files that the system keeps while
     there is room, so it nears the limit
 read, written: bytes of system calls, of all processes, cached or not
+disk: the most that was taken on the disk of the folder, by looking every 50 ms
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import argparse
 import contextlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -45,6 +48,15 @@ asset = umbel.Asset(sys.argv[1])
 meshes = asset.meshes
 print(json.dumps({"open_seconds": time.perf_counter() - began,
     "open_bytes": peak_rss_bytes() - before, **{k: meshes[0][k] for k in ("groups", "clusters")}}))
+"""
+
+DIRECT = """
+import json, sys
+import umbel
+from umbel.testing import giant
+kind, triangles, output, memory = sys.argv[1:]
+built = umbel.build_asset(giant.make(kind, int(triangles)), output, memory=memory)
+print(json.dumps(built))
 """
 
 
@@ -109,9 +121,10 @@ def resident(session: int) -> int:
     return total
 
 
-def measured(command: list[str], size: int | None) -> dict[str, Any]:
-    """Runs a command that prints one JSON object, with what it took."""
+def measured(command: list[str], size: int | None, folder: Path) -> dict[str, Any]:
+    """Runs a command that writes to a folder and prints one JSON object, with what it took."""
     with limited(size) as group:
+        free = shutil.disk_usage(folder).free
 
         def join() -> None:
             if group is not None:
@@ -121,11 +134,12 @@ def measured(command: list[str], size: int | None) -> dict[str, Any]:
         process = subprocess.Popen(
             command, stdout=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=join
         )
-        peak, done = [0], threading.Event()
+        peak, least, done = [0], [free], threading.Event()
 
         def watch() -> None:
             while not done.wait(0.05):
                 peak[0] = max(peak[0], resident(process.pid))
+                least[0] = min(least[0], shutil.disk_usage(folder).free)
 
         watcher = threading.Thread(target=watch)
         watcher.start()
@@ -151,13 +165,21 @@ def measured(command: list[str], size: int | None) -> dict[str, Any]:
             "group": group.most() if group is not None else None,
             "read": int(counters["rchar"]),
             "written": int(counters["wchar"]),
+            "disk": free - least[0],
         }
 
 
 def build(mesh: Path, output: Path, memory: str, in_core: bool) -> dict[str, Any]:
     """In units with a limit, or in memory without one."""
     command = [sys.executable, "-m", "umbel", "build", str(mesh), "-o", str(output), "--json"]
-    return measured([*command, "--memory", memory], None if in_core else as_bytes(memory))
+    limit = None if in_core else as_bytes(memory)
+    return measured([*command, "--memory", memory], limit, output.parent)
+
+
+def build_direct(kind: str, triangles: int, output: Path, memory: str) -> dict[str, Any]:
+    """In units with a limit, straight from the generator."""
+    command = [sys.executable, "-c", DIRECT, kind, str(triangles), str(output), memory]
+    return measured(command, as_bytes(memory), output.parent)
 
 
 def row(name: str, found: dict[str, Any], in_core: float | None) -> list[str]:
@@ -179,6 +201,7 @@ def row(name: str, found: dict[str, Any], in_core: float | None) -> list[str]:
         "" if in_core is None else f"{in_core / each:.2f}",
         giga("read"),
         giga("written"),
+        giga("disk"),
         giga("file_bytes"),
         f"{found['open_seconds'] * 1e3:.0f}",
         f"{found['open_bytes'] / 1e6:.0f}",
@@ -187,7 +210,7 @@ def row(name: str, found: dict[str, Any], in_core: float | None) -> list[str]:
 
 HEAD = [
     *("build", "triangles", "resident GB", "group GB", "s", "processor s", "µs a triangle"),
-    *("in memory / this", "read GB", "written GB", "asset GB", "open ms", "open MB"),
+    *("in memory / this", "read GB", "written GB", "disk GB", "asset GB", "open ms", "open MB"),
 ]
 
 
@@ -198,6 +221,7 @@ def main() -> None:
     parser.add_argument("--in-core", type=float, nargs="*", default=[16])
     parser.add_argument("--kind", default="terrain")
     parser.add_argument("--folder", type=Path, default=Path("/tmp/umbel_scale"))
+    parser.add_argument("--direct", action="store_true", help="straight from the generator")
     parser.add_argument("-o", "--output", type=Path)
     args = parser.parse_args()
     args.folder.mkdir(parents=True, exist_ok=True)
@@ -210,10 +234,15 @@ def main() -> None:
     mesh, output = args.folder / "mesh.ply", args.folder / "mesh.umbel"
     written = 0.0
     for millions, memory, in_core in runs:
-        if millions != written:
-            giant.write(giant.make(args.kind, int(millions * 1e6)), mesh)
+        triangles = int(millions * 1e6)
+        direct = args.direct and not in_core
+        if millions != written and not direct:
+            giant.write(giant.make(args.kind, triangles), mesh)
             written = millions
-        found = build(mesh, output, memory or "1TB", in_core)
+        if direct:
+            found = build_direct(args.kind, triangles, output, memory)
+        else:
+            found = build(mesh, output, memory or "1TB", in_core)
         opened = subprocess.run(
             [sys.executable, "-c", OPEN, str(output)], check=True, capture_output=True, text=True
         )
@@ -224,7 +253,7 @@ def main() -> None:
         lines.append(f"| {' | '.join(row(name, found, None if in_core else each))} |")
         print(lines[-1], flush=True)
         output.unlink()
-    mesh.unlink()
+    mesh.unlink(missing_ok=True)
     if args.output is not None:
         args.output.write_text("\n".join(lines) + "\n")
 
