@@ -39,6 +39,32 @@ def test_denoised_pictures_are_closer_to_the_truth() -> None:
         return float(np.mean((umbel.tone_map(pixels, 0.0) - truth) ** 2))
 
     assert error(noisy.denoised()) < 0.5 * error(noisy.pixels)  # 3 dB
+    assert error(umbel.denoise(noisy.pixels)) < 0.5 * error(noisy.pixels)
+    albedo, _ = noisy.features()
+    assert error(umbel.denoise(noisy.pixels, albedo)) < 0.5 * error(noisy.pixels)
+
+
+@pytest.mark.parametrize("features", [False, True])
+def test_the_command_denoises(umbel_command: Umbel, tmp_path: Path, features: bool) -> None:
+    pytest.importorskip("pyoidn")
+    mesh = tmp_path / "blob.ply"
+    umbel.save(mesh, umbel.shapes.blob(3))
+
+    def picture(name: str, *options: object) -> np.ndarray:
+        size = ("--width", 64, "--height", 48, "--exposure", 0, "--ground")
+        done = umbel_command("render", mesh, "-o", tmp_path / name, *size, *options)
+        assert done.status == 0, done.err
+        with Image.open(tmp_path / name) as image:
+            return np.asarray(image, float)
+
+    truth = picture("truth.png", "--spp", 512, "--seed", 9)
+    noisy = picture("noisy.png", "--spp", 16)
+    written = ("--features",) if features else ()
+    clean = picture("clean.png", "--spp", 16, "--denoise", *written)
+    assert np.mean((clean - truth) ** 2) < 0.5 * np.mean((noisy - truth) ** 2)  # 3 dB
+    names = {path.name for path in tmp_path.glob("clean*")}
+    extra = {"clean-albedo.png", "clean-normal.png"}
+    assert names == {"clean.png"} | (extra if features else set())
 
 
 def test_a_missing_denoiser_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
