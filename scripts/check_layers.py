@@ -90,6 +90,7 @@ HEADER_LAYERS = {
     "umbel_cluster.h": "capi",
     "umbel_frame_clusters.h": "capi",
     "umbel_bvh.h": "capi",
+    "umbel_dynamic_bvh.h": "capi",
     "umbel_kdtree.h": "capi",
     "umbel_uniform.h": "capi",
     "umbel_lod.h": "capi",

@@ -5,6 +5,7 @@
 //   umbel_cluster.h  clusters of triangles or boxes, ordered and bounded as meshlets
 //   umbel_frame_clusters.h  clusters of meshes that change every frame
 //   umbel_bvh.h      bounding volume hierarchies: rays, distances, overlaps
+//   umbel_dynamic_bvh.h  trees over boxes that are inserted, moved and removed one at a time
 //   umbel_kdtree.h   kd-trees: the same queries; kd-trees over boxes
 //   umbel_uniform.h  grids, octrees, interval hierarchies: the same queries
 //   umbel_lod.h      continuous level of detail: building, saving, selecting
@@ -17,6 +18,7 @@
 #include "umbel/umbel_base.h"
 #include "umbel/umbel_bvh.h"
 #include "umbel/umbel_cluster.h"
+#include "umbel/umbel_dynamic_bvh.h"
 #include "umbel/umbel_frame_clusters.h"
 #include "umbel/umbel_instance_tree.h"
 #include "umbel/umbel_kdtree.h"

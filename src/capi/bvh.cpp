@@ -6,6 +6,7 @@
 
 #include "base/fields.hpp"
 #include "bvh/tree/check.hpp"
+#include "capi/bvh2_output.hpp"
 #include "capi/bvh_input.hpp"
 #include "capi/cluster_input.hpp"
 #include "capi/hand_out.hpp"
@@ -74,29 +75,8 @@ typename Kind::Tree copied_tree(const typename Kind::Given* tree) {
 template <typename Kind, typename Source>
 umbel_result build_tree(const umbel_bvh_config* config, const umbel_build_options* options,
                         typename Kind::Given* tree, const Source& source) {
-  return guard([&] {
-    typename Kind::Given given = read_struct(tree, "tree");
-    given.node_count = given.primitive_count = 0;
-    write_struct(given, tree, "tree");
-    const auto nodes =
-        elements<typename Kind::Node>(given.nodes, given.node_capacity, "tree->nodes");
-    elements<uint32_t>(given.primitives, given.primitive_capacity, "tree->primitives");
-    const auto made = Kind::build(source(), bvh_config(config).tree, options);
-    given.node_count = made.nodes.size();
-    given.primitive_count = made.primitives.size();
-    const bool fits = made.nodes.size() <= given.node_capacity &&
-                      made.primitives.size() <= given.primitive_capacity;
-    if (fits) {
-      std::copy(made.nodes.begin(), made.nodes.end(), nodes.begin());
-      std::copy(made.primitives.begin(), made.primitives.end(), given.primitives);
-    }
-    write_struct(given, tree, "tree");
-    if (!fits)
-      throw CapacityError{"tree has room for " + std::to_string(given.node_capacity) +
-                          " nodes and " + std::to_string(given.primitive_capacity) +
-                          " primitives, but needs " + std::to_string(made.nodes.size()) + " and " +
-                          std::to_string(made.primitives.size())};
-  });
+  return hand_out_tree<typename Kind::Node>(
+      tree, "tree", [&] { return Kind::build(source(), bvh_config(config).tree, options); });
 }
 
 umbel_bvh2_statistics tree_statistics(const bvh::Statistics& found) {
