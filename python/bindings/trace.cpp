@@ -164,12 +164,14 @@ std::unique_ptr<TriangleQueries> build_structure(const MeshView& mesh, const std
   if (accel == "grid")
     return std::make_unique<uniform::TwoLevelGrid>(
         uniform::TwoLevelGrid::build(mesh, {}, masks, options));
+  if (accel == "octree")
+    return std::make_unique<uniform::Octree>(uniform::Octree::build(mesh, {}, masks, options));
   if (accel == "bih")
     return std::make_unique<uniform::IntervalHierarchy>(
         uniform::IntervalHierarchy::build(mesh, {}, masks, options));
   if (accel != "bvh")
     throw Error(ErrorCode::kInvalidArgument,
-                "accel must be bvh, kdtree, grid or bih, not " + accel);
+                "accel must be bvh, kdtree, grid, octree or bih, not " + accel);
   BvhConfig config;
   config.tree = bvh::preset(preset);
   return std::make_unique<Bvh>(Bvh::build(mesh, config, masks, options));

@@ -219,6 +219,12 @@ void other_structures(Input& in, const Mesh& mesh) {
       build_and_check_rays<umbel::uniform::IntervalHierarchy>(in, mesh, config);
       break;
     }
+    case 2: {
+      umbel::uniform::OctreeConfig config;
+      config.compact = compact;
+      build_and_check_rays<umbel::uniform::Octree>(in, mesh, config);
+      break;
+    }
     default: {
       umbel::kdtree::KdTreeConfig config;
       config.compact = compact;

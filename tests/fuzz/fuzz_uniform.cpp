@@ -1,6 +1,7 @@
-// Fuzzes the two-level grid and the bounding interval hierarchy: the bytes become a mesh (NaN,
-// infinite and huge positions, indices out of range among them), settings and rays. Whatever is
-// accepted must give hits of its triangles, and within the promised range those of a hierarchy.
+// Fuzzes the two-level grid, the octree and the bounding interval hierarchy: the bytes become a
+// mesh (NaN, infinite and huge positions, indices out of range among them), settings and rays.
+// Whatever is accepted must give hits of its triangles, and within the promised range those of a
+// hierarchy.
 #include <memory>
 #include <vector>
 
@@ -56,6 +57,20 @@ std::unique_ptr<TriangleQueries> build_grid(Input& in, const Mesh& mesh,
       umbel::uniform::TwoLevelGrid::build(mesh.view(), config, masks, some_threads(in)));
 }
 
+std::unique_ptr<TriangleQueries> build_octree(Input& in, const Mesh& mesh,
+                                              std::span<const uint32_t> masks) {
+  umbel::uniform::OctreeConfig config;
+  config.invalid = invalid(in);
+  config.compact = in.below(2) != 0;
+  if (in.likes(1)) {
+    config.max_leaf_size = in.below(80);
+    config.max_depth = in.below(24);
+    if (in.below(2)) config.max_references = in.number();
+  }
+  return std::make_unique<umbel::uniform::Octree>(
+      umbel::uniform::Octree::build(mesh.view(), config, masks, some_threads(in)));
+}
+
 std::unique_ptr<TriangleQueries> build_intervals(Input& in, const Mesh& mesh,
                                                  std::span<const uint32_t> masks) {
   umbel::uniform::IntervalConfig config;
@@ -64,6 +79,12 @@ std::unique_ptr<TriangleQueries> build_intervals(Input& in, const Mesh& mesh,
   if (in.likes(1)) config.max_leaf_size = in.below(80);
   return std::make_unique<umbel::uniform::IntervalHierarchy>(
       umbel::uniform::IntervalHierarchy::build(mesh.view(), config, masks, some_threads(in)));
+}
+
+std::unique_ptr<TriangleQueries> build_some(Input& in, const Mesh& mesh,
+                                            std::span<const uint32_t> masks) {
+  if (in.likes(6)) return build_grid(in, mesh, masks);
+  return in.below(2) ? build_octree(in, mesh, masks) : build_intervals(in, mesh, masks);
 }
 
 /// Within the range that it is promised for, every structure gives the same hits.
@@ -87,7 +108,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     for (size_t t = 0; t < mesh.triangles.size(); ++t) masks.push_back(in.below(255));
   if (in.likes(4) && in.likes(5)) masks.push_back(1);  // one too many
   try {
-    const auto tree = in.likes(6) ? build_grid(in, mesh, masks) : build_intervals(in, mesh, masks);
+    const auto tree = build_some(in, mesh, masks);
     umbel::fuzz::ask_everything(*tree);
     for (uint32_t i = 0; i < 8; ++i) umbel::fuzz::ask_rays(*tree, point(in), point(in));
     if (in.is_tame()) compare(in, mesh, masks, *tree);

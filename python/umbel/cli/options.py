@@ -72,6 +72,7 @@ class Accel(str, enum.Enum):
     bvh = "bvh"
     kdtree = "kdtree"
     grid = "grid"
+    octree = "octree"
     bih = "bih"
     lod = "lod"
 

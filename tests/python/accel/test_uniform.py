@@ -91,7 +91,7 @@ def test_no_triangles_no_answers(structure: Callable[..., Any]) -> None:
     assert empty.closest_point([[0, 0, 0]]).primitive[0] == -1
 
 
-@pytest.mark.parametrize("accel", ["kdtree", "grid", "bih"])
+@pytest.mark.parametrize("accel", ["kdtree", "grid", "octree", "bih"])
 def test_pictures_are_those_of_the_hierarchy(
     umbel_command: Umbel, blob_ply: Path, tmp_path: Path, accel: str
 ) -> None:

@@ -61,7 +61,7 @@ def command(
     accel: Accel | None = option(
         None,
         None,
-        "bvh, kdtree, grid (two-level) or bih (bounding intervals): all triangles, by the "
+        "bvh, kdtree, grid (two-level), octree or bih (bounding intervals): all triangles, by the "
         "same picture; lod: the cut that the camera needs, of an asset.  "
         "[default: bvh, lod for assets]",
     ),
