@@ -2,6 +2,7 @@
 
 import functools
 import http.server
+import math
 import threading
 import time
 import zipfile
@@ -130,6 +131,31 @@ def test_residency_over_a_server_comes_to_the_ideal_cut(server: str) -> None:
     assert said["given_up"] == []
     residency.close()
     assert residency.step([error])["missing_groups"] == 0
+
+
+def to_and_fro(asset: umbel.Asset, hysteresis: float) -> dict[str, int]:
+    """Statistics of a camera that goes from one side to the other ten times, with half of the pages
+    in memory."""
+    residency = umbel.Residency(
+        asset, asset.info["file_bytes"] // 2, hysteresis=hysteresis, link=(0.0, 1e9, 0.0, 0.0)
+    )
+    for k in range(200):
+        angle = 0.3 if k // 10 % 2 else -0.3
+        eye = (1.8 * math.sin(angle), 0.1, 1.8 * math.cos(angle))
+        step = residency.step([umbel.Camera(eye, target=(0, 0, 0), pixel_error=0.5)], now=k / 60)
+        assert step["caught_up"]
+    return residency.statistics
+
+
+def test_hysteresis_spares_a_camera_that_moves_to_and_fro_its_reloads(tmp_path: Path) -> None:
+    lod = umbel.build_lod(umbel.shapes.blob(6, seed=2), precision="14bits")
+    lod.save(tmp_path / "a.umbel", page_bytes=8192)
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    without, default = to_and_fro(asset, 1.0), to_and_fro(asset, 1.5)
+    assert without["reloads"] >= 15
+    assert 4 * default["reloads"] < without["reloads"]
+    assert default["evictions"] < without["evictions"]
+    assert default["resident_bytes"] > 0.8 * without["resident_bytes"]
 
 
 def test_residency_says_what_it_cannot_do(folder: Path) -> None:
