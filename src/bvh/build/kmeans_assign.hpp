@@ -1,6 +1,6 @@
-// The assignment step of Lloyd's algorithm for a chunk of a cluster's items, by a team: the nearest
-// representative of each, and what those of each representative add up to, as integers, so that it
-// makes no difference which chunk is added first.
+// The assignment step of Lloyd's algorithm (Lloyd, "Least Squares Quantization in PCM", 1982) for a
+// chunk of a cluster's items, by a team: the nearest representative of each, and what those of each
+// representative add up to, as integers, so that it makes no difference which chunk is added first.
 #pragma once
 
 #include <limits>
