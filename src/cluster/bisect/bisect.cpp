@@ -2,7 +2,8 @@
 // position of three axes, by the surface area heuristic (Goldsmith and Salmon, "Automatic
 // creation of object hierarchies for ray tracing", 1987) with penalties for clusters that are not
 // full, for overlap, and for connections between the sides (ratio cut). The legal positions and
-// penalties are those of nv_cluster_builder's published description.
+// penalties are those of nv_cluster_builder's published description
+// (https://github.com/nvpro-samples/nv_cluster_builder).
 #include "cluster/bisect/bisect.hpp"
 
 #include <tbb/enumerable_thread_specific.h>
