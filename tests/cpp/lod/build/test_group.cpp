@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "base/math.hpp"
 #include "lod/build/clusterise.hpp"
 #include "lod/build/group.hpp"
 #include "umbel/mesh.hpp"
@@ -115,6 +116,79 @@ TEST(Grouper, what_is_prepared_ahead_gives_the_same_groups) {
     const Clusters b = prepared.group(scene.clusters, locked, Scene::config());
     EXPECT_EQ(a.items, b.items);
     EXPECT_TRUE(std::ranges::equal(a.ranges, b.ranges));
+  }
+}
+
+/// Groups that `config` makes of the clusters of a mesh, none of whose positions is locked.
+Clusters grouped(const Scene& scene, const Config& config) {
+  Grouper grouper(scene.source);
+  grouper.grow();
+  const std::vector<uint8_t> locked(scene.source.mesh.positions.size(), 0);
+  return grouper.group(scene.clusters, locked, config);
+}
+
+Config small_groups() {
+  Config config;
+  config.min_group = 4;
+  config.max_group = 16;
+  return config;
+}
+
+double mean_count(const Clusters& groups) {
+  return double(groups.items.size()) / double(groups.ranges.size());
+}
+
+/// The area that is common to the boxes of two groups, over all pairs, as a part of all area.
+double overlap(const Scene& scene, const Clusters& groups) {
+  std::vector<Aabb> boxes;
+  double common = 0, area = 0;
+  for (const Range& range : groups.ranges) {
+    Aabb box;
+    for (uint32_t i = 0; i < range.count; ++i)
+      extend(box, scene.clusters.boxes[groups.items[range.offset + i]]);
+    for (const Aabb& other : boxes)
+      common += half_area({max(box.min, other.min), min(box.max, other.max)});
+    boxes.push_back(box);
+    area += half_area(box);
+  }
+  return common / area;
+}
+
+// Triangles of a soup share nothing: what clusters share would decide, and costs be second.
+TEST(Grouper, the_higher_the_underfill_cost_the_fuller_are_groups) {
+  for (uint32_t seed : {1u, 2u, 3u}) {
+    const Scene scene(shapes::soup(20000, seed));
+    std::vector<double> counts;
+    for (float cost : {0.0f, 0.5f, 1.0f}) {
+      Config config = small_groups();
+      config.group_underfill_cost = cost;
+      counts.push_back(mean_count(grouped(scene, config)));
+    }
+    EXPECT_LT(counts[0], 11);
+    EXPECT_GT(counts[1], 13);
+    EXPECT_GT(counts[2], 15.5);
+  }
+}
+
+TEST(Grouper, an_overlap_cost_makes_groups_overlap_less) {
+  for (uint32_t seed : {1u, 2u, 3u}) {
+    const Scene scene(shapes::soup(20000, seed));
+    Config config = small_groups();
+    const double without = overlap(scene, grouped(scene, config));
+    config.group_overlap_cost = 1;
+    EXPECT_LT(overlap(scene, grouped(scene, config)), 0.97 * without);
+  }
+}
+
+TEST(Grouper, a_larger_least_size_makes_groups_fuller) {
+  for (const Mesh& mesh : {shapes::blob(6, 3), shapes::terrain(160, 160, 2)}) {
+    const Scene scene(mesh);
+    Config config = small_groups();
+    const double small = mean_count(grouped(scene, config));
+    config.min_group = 12;
+    const Clusters groups = grouped(scene, config);
+    EXPECT_GT(mean_count(groups), small + 0.5);
+    EXPECT_TRUE(std::ranges::all_of(groups.ranges, [](const Range& r) { return r.count >= 12; }));
   }
 }
 
