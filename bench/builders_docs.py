@@ -40,7 +40,7 @@ GUIDE = ("short answer", "cheapest", "speed8", "sweep", "scenes")
 """Tables of docs/builders.md, which shows hierarchies alone."""
 GUIDE_ONLY = ("short answer", "cheapest", "sweep", "scenes")
 """Those that bench/results/builders-cpu.md, which has all structures, leaves out."""
-OTHERS = ("kdtree", "grid", "bih")
+OTHERS = ("kdtree", "grid", "octree", "bih")
 """How the names of other structures begin."""
 
 
