@@ -46,7 +46,7 @@ class Renderer:
     up: the axis to the zenith, "y" or "z".
     ground: puts a matte floor under the mesh.
     hide: names of materials whose triangles are left out, `*` and `?` as in shells.
-    accel: what rays go through: "bvh", "kdtree", "grid", "octree" or "bih"; the picture is the same.
+    accel: what rays go through: "bvh", "kdtree", "grid", "octree" or "bih"; pictures are the same.
     preset: of the bvh, "fast", "quality" or "best".
     """
 
