@@ -1,4 +1,5 @@
-/* A user's program in C: clusters by the two calls, an error as a code and a sentence. */
+/* A user's program in C: clusters by the two calls, a tree that a function of the program looks
+   through, an error as a code and a sentence. */
 #include <stdio.h>
 #include <umbel/umbel.h>
 
@@ -7,6 +8,28 @@ enum { COUNT = 1000 };
 static umbel_aabb boxes[COUNT];
 static umbel_range ranges[COUNT];
 static uint32_t items[COUNT];
+
+/* Of a ray through all boxes; the second ends it. */
+static float look_at_box(void* user, uint32_t box) {
+  uint32_t* seen = user;
+  seen[0] += 1;
+  seen[1] = box;
+  return seen[0] == 2 ? -1.0f : 1e30f;
+}
+
+static int rays_work(void) {
+  umbel_dynamic_tree* tree;
+  umbel_ray ray = {{-1, 0.5f, 0.5f}, 0, {1, 0, 0}, 1e30f};
+  uint32_t seen[2] = {0, 0}, last = 0;
+  int done;
+  if (umbel_dynamic_tree_build(boxes, COUNT, NULL, NULL, &tree) != UMBEL_OK) return 0;
+  done = umbel_dynamic_tree_insert(tree, &boxes[0], &last) == UMBEL_OK && last == COUNT &&
+         umbel_dynamic_tree_remove(tree, 0) == UMBEL_OK &&
+         umbel_dynamic_tree_traverse_ray(tree, &ray, look_at_box, seen, NULL) == UMBEL_OK &&
+         seen[0] == 2 && umbel_dynamic_tree_contains(tree, seen[1]);
+  umbel_dynamic_tree_free(tree);
+  return done;
+}
 
 int main(void) {
   umbel_cluster_input input;
@@ -33,7 +56,8 @@ int main(void) {
   output.item_capacity = COUNT;
   if (umbel_cluster_requirements(&input, &config, &needed) != UMBEL_OK || needed.ranges > COUNT ||
       needed.items != COUNT || umbel_cluster_build(&input, &config, NULL, &output) != UMBEL_OK ||
-      umbel_cluster_get_metrics(&input, &output, config.max_items, &metrics) != UMBEL_OK) {
+      umbel_cluster_get_metrics(&input, &output, config.max_items, &metrics) != UMBEL_OK ||
+      !rays_work()) {
     fprintf(stderr, "%s\n", umbel_last_error());
     return 1;
   }
