@@ -1,14 +1,17 @@
-// Fuzzes the C interface of hierarchies and of kd-trees: the bytes become a mesh (NaN, infinite and
-// huge positions, indices out of range, triangles without area among them), settings, rays, points
-// and a tree that may be none. Whatever is accepted must give the hits that another tree over the
-// same mesh gives.
+// Fuzzes the C interface of hierarchies, of kd-trees and of trees that change: the bytes become a
+// mesh (NaN, infinite and huge positions, indices out of range, triangles without area among them),
+// settings, rays, points and a tree that may be none. Whatever is accepted must give the hits that
+// another tree over the same mesh gives, and a tree that changes must hold what went in and did not
+// come out.
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <memory>
 #include <vector>
 
 #include "c_interface.hpp"
 #include "umbel/umbel_bvh.h"
+#include "umbel/umbel_dynamic_bvh.h"
 #include "umbel/umbel_kdtree.h"
 
 namespace {
@@ -271,6 +274,69 @@ void compare_kdtree(Case& c, const umbel_bvh* bvh) {
   expect(umbel_kdtree_get_statistics(made, &statistics) == UMBEL_OK, "no statistics");
 }
 
+bool meet(const umbel_aabb& a, const umbel_aabb& b) {
+  return a.min.x <= b.max.x && a.max.x >= b.min.x && a.min.y <= b.max.y && a.max.y >= b.min.y &&
+         a.min.z <= b.max.z && a.max.z >= b.min.z;
+}
+
+/// Boxes between points of the case, often with their corners in order.
+umbel_aabb some_box(Case& c) {
+  umbel_aabb box{c.point(), c.point()};
+  if (c.below(8) == 0) return box;
+  for (const auto side : {&umbel_vec3::x, &umbel_vec3::y, &umbel_vec3::z})
+    if (box.max.*side < box.min.*side) std::swap(box.min.*side, box.max.*side);
+  return box;
+}
+
+void expect_holds(Case& c, const umbel_dynamic_tree* tree,
+                  const std::map<uint32_t, umbel_aabb>& boxes) {
+  expect(umbel_dynamic_tree_size(tree) == boxes.size(), "a tree of another size");
+  const umbel_aabb region = some_box(c);
+  std::vector<uint32_t> expected, found(boxes.size());
+  for (const auto& [number, box] : boxes)
+    if (meet(box, region)) expected.push_back(number);
+  size_t count = 0;
+  expect(umbel_dynamic_tree_overlaps_box(tree, &region, found.data(), found.size(), &count) ==
+             UMBEL_OK,
+         "a box is refused");
+  found.resize(count);
+  expect(found == expected, "other boxes overlap");
+  umbel_dynamic_tree_quality quality;
+  umbel_dynamic_tree_quality_init(&quality);
+  expect(umbel_dynamic_tree_get_quality(tree, &quality) == UMBEL_OK, "no quality");
+}
+
+void change(Case& c) {
+  umbel_dynamic_tree* made = nullptr;
+  expect(umbel_dynamic_tree_build(nullptr, 0, nullptr, nullptr, &made) == UMBEL_OK, "no tree");
+  const std::unique_ptr<umbel_dynamic_tree, void (*)(umbel_dynamic_tree*)> tree(
+      made, umbel_dynamic_tree_free);
+  std::map<uint32_t, umbel_aabb> boxes;
+  for (uint32_t i = c.below(100); i-- > 0;) {
+    uint32_t number = c.below(32);
+    const bool is_there = boxes.count(number) > 0;
+    const umbel_aabb box = some_box(c);
+    switch (c.below(5)) {
+      case 0:
+        expect(went_well(umbel_dynamic_tree_remove(made, number)) == is_there, "taken out of none");
+        boxes.erase(number);
+        break;
+      case 1:
+        if (went_well(umbel_dynamic_tree_move(made, number, &box))) boxes.at(number) = box;
+        break;
+      case 2:
+        if (went_well(umbel_dynamic_tree_refit(made, &number, &box, 1))) boxes.at(number) = box;
+        break;
+      default:
+        if (!went_well(umbel_dynamic_tree_insert(made, &box, &number))) break;
+        expect(boxes.emplace(number, box).second, "a number is given twice");
+    }
+    if (c.below(16) == 0)
+      expect(umbel_dynamic_tree_rebuild(made, nullptr, &c.options) == UMBEL_OK, "no new build");
+    expect_holds(c, made, boxes);
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
@@ -292,5 +358,6 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     went_well(umbel_bvh_refit(bvh.get(), &c.mesh, &c.options, nullptr));
     ask(c, bvh.get());
   }
+  change(c);
   return 0;
 }
