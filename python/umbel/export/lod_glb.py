@@ -69,8 +69,11 @@ def export_glb(
     for error, share in _errors(made, asset.path):
         if report(share, "reading levels") is False:
             raise Cancelled("cancelled")
-        several = repeats.within(error, low, high, corner, step) if repeats else []
-        piece = made.cut(error, low, high, {int(k) for one in several for k in one.instances})
+        several = repeats.of(np.arange(len(made.boxes)), error, corner, step) if repeats else []
+        rest = np.ones(len(made.boxes), bool)
+        for one in several:
+            rest[one.instances] = False
+        piece = made.whole(error, np.flatnonzero(rest))
         surface = None if piece is None else quantized(piece.turned(Y_TO_Z.T), corner, step)
         if surface is not None or several:
             levels.append(_Level(surface, several))

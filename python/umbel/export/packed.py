@@ -29,6 +29,7 @@ class Quantized:
     rows: dict[str, NDArray[Any]]
     triangles: Indices
     materials: Indices | None
+    is_ordered: bool = False  #: by `ordered`
 
 
 class PackedArrays:
@@ -111,7 +112,7 @@ class PackedArrays:
     def mesh(self, surface: Quantized, material: Any) -> list[Json]:
         """Primitives, one a material; `material` gives the number of one in the file for a mesh
         with so many sets of texture coordinates."""
-        surface = ordered(surface)
+        surface = surface if surface.is_ordered else ordered(surface)
         count = len(surface.rows["POSITION"])
         attributes = {name: self.attribute(name, rows) for name, rows in surface.rows.items()}
         sets = sum(name.startswith("TEXCOORD") for name in surface.rows)
@@ -182,7 +183,7 @@ def ordered(surface: Quantized) -> Quantized:
     remap[used[rank]] = np.arange(len(used), dtype=np.uint32)
     rows = {name: np.ascontiguousarray(r[used[rank]]) for name, r in surface.rows.items()}
     materials = None if surface.materials is None else np.concatenate(numbers)
-    return Quantized(rows, remap[flat].reshape(-1, 3), materials)
+    return Quantized(rows, remap[flat].reshape(-1, 3), materials, is_ordered=True)
 
 
 def _by_material(surface: Quantized) -> list[tuple[int | None, Indices]]:

@@ -58,8 +58,10 @@ class Piece:
         signs = np.sign(self.points[:, axis] - value).astype(np.int8)
         if not upper:
             signs = -signs
-        corners = signs[self.triangles]
-        least, most = corners.min(axis=1, initial=1), corners.max(axis=1, initial=-1)
+        if signs.min(initial=1) >= (0 if upper else 1):
+            return self
+        a, b, c = (signs[self.triangles[:, k]] for k in range(3))
+        least, most = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
         whole = (least >= 0) if upper else (least >= 0) & (most > 0)
         if whole.all():
             return self

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from umbel.export.packed import INSTANCING, Json, PackedArrays, Quantized, quantized
+from umbel.export.packed import (
+    INSTANCING,
+    Json,
+    PackedArrays,
+    Quantized,
+    ordered,
+    quantized,
+)
 from umbel.export.piece import Doubles
 from umbel.export.source import Y_TO_Z, Source
 from umbel.io.gltf.nodes import composed
@@ -19,6 +27,9 @@ _LEAST_SAVED = 256
 _STEPS = 0xFFFF
 _MOST_SKEW = 2.0**-21
 """How much a matrix may differ from a rotation and a scale, of its scale: a 20th of a step."""
+
+_MOST_KEPT = 1_000_000
+"""Triangles of meshes that are kept for the next tiles."""
 
 _FINER = 0.9
 """A step of a mesh must be so much finer than that of the file: rounding then moves no vertex
@@ -66,22 +77,22 @@ class Repeats:
             step = self._steps[self._meshes]
             fits = (skew <= _MOST_SKEW * self._largest) & (self._scale > 0).all(axis=1)
             self._fits = fits & (step > 0) & np.isfinite(step)
+        self._lock = threading.Lock()
+        self._kept: dict[tuple[int, float, int], Quantized | None] = {}
 
-    def within(
-        self, error: float, low: Doubles, high: Doubles, corner: Doubles, step: float
+    def of(
+        self, instances: NDArray[np.intp], error: float, corner: Doubles, step: float
     ) -> list[Repeat]:
-        """What is drawn often enough of the instances whose boxes lie in a box, each at a cut of at
-        most this error. `corner` and `step` are those of the file's grid, in glTF's axes."""
-        boxes = self.source.boxes
-        inside = ((boxes[:, :3] >= low) & (boxes[:, 3:] <= high)).all(axis=1) & self._fits
-        inside &= self._steps[self._meshes] * self._largest <= _FINER * step
-        made = (self._made(group, error, corner, step) for group in self._groups(inside, error))
+        """What is drawn often enough of some instances, each at a cut of at most this error.
+        `corner` and `step` are those of the file's grid, in glTF's axes."""
+        fine = self._steps[self._meshes[instances]] * self._largest[instances] <= _FINER * step
+        chosen = instances[self._fits[instances] & fine]
+        made = (self._made(group, error, corner, step) for group in self._groups(chosen, error))
         return [one for one in made if one is not None]
 
-    def _groups(self, inside: NDArray[np.bool_], error: float) -> Iterator[NDArray[np.intp]]:
+    def _groups(self, chosen: NDArray[np.intp], error: float) -> Iterator[NDArray[np.intp]]:
         """Instances of one mesh whose cuts are about the same: within a factor of the square root
         of two of scale where the cut depends on it."""
-        chosen = np.flatnonzero(inside)
         scale = np.zeros(len(chosen))
         if error > 0:
             scale = np.floor(2 * np.log2(self._largest[chosen]))
@@ -99,12 +110,9 @@ class Repeats:
         finest = int(group[np.argmax(self._largest[group])])
         mesh = self._meshes[finest]
         least = -(-_LEAST_SAVED // (len(group) - 1))
-        piece = self.source.mesh_cut(finest, error, least)
-        if piece is None:
-            return None
         step = float(self._steps[mesh])
-        surface = quantized(piece, self._low[mesh], step)
-        if surface is None:
+        surface = self._surface(finest, error)
+        if surface is None or len(surface.triangles) < least:
             return None
         shift = np.einsum("nij,j->ni", self._linear[group], self._low[mesh]) + self._shift[group]
         places = {
@@ -115,6 +123,26 @@ class Repeats:
         boxes = self.source.boxes[group]
         box = np.stack([boxes[:, :3].min(axis=0) - around, boxes[:, 3:].max(axis=0) + around])
         return Repeat(surface, places, group, box)
+
+    def _surface(self, instance: int, error: float) -> Quantized | None:
+        """The cut of an instance's mesh on its grid, in the order of files. Many tiles have the
+        same one, so some are kept."""
+        mesh = int(self._meshes[instance])
+        found = self.source.find(instance, error)
+        if found.triangles == 0:
+            return None
+        key = (mesh, found.error, found.triangles)
+        with self._lock:
+            if key in self._kept:
+                return self._kept[key]
+        piece = self.source.piece(mesh, found)
+        surface = quantized(piece, self._low[mesh], float(self._steps[mesh]))
+        surface = None if surface is None else ordered(surface)
+        with self._lock:
+            self._kept[key] = surface
+            while len(self._kept) > 1 and sum(k[2] for k in self._kept) > _MOST_KEPT:
+                del self._kept[next(iter(self._kept))]
+        return surface
 
 
 def _quaternions(turns: Doubles) -> NDArray[np.float32]:

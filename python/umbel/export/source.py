@@ -6,7 +6,7 @@ All coordinates here are those of tiles: relative to the asset's origin, with z 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,9 @@ class Source:
         #: Of each instance its mesh, and the (3, 4) matrix from that to tiles.
         self.meshes, self._rows = _instances_of(asset)
         self.turned = self.turn @ self._rows.astype(np.float64)
+        of_meshes = np.array([mesh["source_triangles"] for mesh in asset.meshes], np.int64)
+        #: (n,): of each instance, in the asset's source.
+        self.triangles = of_meshes[np.array(self.meshes, np.intp)]
         self._moved = bool(len(asset._native.instance_meshes()))
         #: (n, 6): around each mesh as it is stored, and around each instance.
         self.mesh_boxes = np.array([_box_of(mesh["bounds"]) for mesh in asset.meshes]).reshape(
@@ -107,13 +110,13 @@ class Source:
             errors.append(found.error * scale_range(self.turned[k])[1])
         return max(errors)
 
-    def mesh_cut(self, instance: int, error: float, least: int) -> Piece | None:
-        """The cut of an instance at an error, whole, in the space of its mesh; nothing where it has
-        fewer than `least` triangles."""
-        mesh = self.meshes[instance]
-        found = self.asset._native.find_cut(self._view(instance, error), mesh)
-        if found.triangles < max(1, least):
-            return None
+    def find(self, instance: int, error: float) -> _umbel.FoundCut:
+        """The cut of an instance at an error."""
+        view = self._view(instance, error)
+        return self.asset._native.find_cut(view, self.meshes[instance])
+
+    def piece(self, mesh: int, found: _umbel.FoundCut) -> Piece:
+        """A cut that was found, whole, in the space of its mesh."""
         made = self._read(mesh, found)
         _, made.material_ids = with_default(self.materials, made.material_ids)
         return Piece.of(made)
@@ -124,21 +127,28 @@ class Source:
         return made
 
     def cut(
-        self, error: float, low: Doubles, high: Doubles, without: Collection[int] = ()
+        self, error: float, low: Doubles, high: Doubles, without: NDArray[np.bool_]
     ) -> Piece | None:
         """The cut at an error: all clusters that are in a box at least in part, or nothing. Leaves
-        out the instances of these numbers."""
+        out the instances that are marked, (i,)."""
         pad = _MARGIN * (np.abs(np.concatenate([low, high])).max() + (high - low).max())
         low, high = low - pad, high + pad
         planes = np.zeros((6, 4))
         planes[:3, :3], planes[3:, :3] = np.eye(3), -np.eye(3)
         planes[:3, 3], planes[3:, 3] = -low, high
-        touching = (self.boxes[:, :3] <= high) & (self.boxes[:, 3:] >= low)
+        touching = ((self.boxes[:, :3] <= high) & (self.boxes[:, 3:] >= low)).all(axis=1)
+        return self._joined(error, np.flatnonzero(touching & ~without), planes)
+
+    def whole(self, error: float, instances: NDArray[np.intp]) -> Piece | None:
+        """The cut at an error of all of some instances, or nothing."""
+        return self._joined(error, instances, None)
+
+    def _joined(
+        self, error: float, instances: NDArray[np.intp], planes: Doubles | None
+    ) -> Piece | None:
         blocks = []
-        for k in np.flatnonzero(touching.all(axis=1)).tolist():
-            if k in without:
-                continue
-            own = _planes_in(planes, self.turned[k])
+        for k in instances.tolist():
+            own = None if planes is None else _planes_in(planes, self.turned[k])
             found = self.asset._native.find_cut(self._view(k, error), self.meshes[k], own)
             if found.triangles:
                 made = self._read(self.meshes[k], found)

@@ -23,7 +23,6 @@ from umbel.export.source import Y_TO_Z, Source, copyright_of, material_list
 from umbel.export.tileset import implicit_error, subtrees, tileset
 from umbel.geometry.arrays import thread_count, whole
 from umbel.geometry.repair import Progress
-from umbel.io.files import write_all
 from umbel.io.gltf.material_table import MaterialTable
 from umbel.io.textures.packed import packed
 from umbel.lod.asset import Asset
@@ -33,8 +32,11 @@ IMPLICIT_ABOVE = 10_000
 STEPS = 2**15
 """Positions of a tile are on a grid of so many steps along its cell; a power of two, so that cells
 side by side round points between them equally, and float arithmetic gives both the same."""
-_MARGIN = 2.0**-10
-"""How far within its cell, of the cell's side, an instance is that is not cut at its planes."""
+
+_MOST_CUT = 2**24
+"""Of the source's triangles: what of instances may lie across borders of cells and be cut."""
+
+_NONE = np.zeros(0, np.intp)
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,8 @@ def export_tiles(
     It takes its name when all is written. Reads what a tile needs, tile by tile.
 
     tile_triangles: most of the source's triangles in a cell that is not split.
-    implicit_above: with more tiles the tree is written as implicit tiling.
+    implicit_above: with more tiles the tree is written as implicit tiling, unless many instances
+        lie across the borders of its cells: their tiles have larger boxes.
     skirts: hang strips from tiles' borders that cover gaps beside tiles of another error.
     flatten: store each instance, for viewers without EXT_mesh_gpu_instancing.
     up: "y" or "z", the asset's axis to the zenith; None: what is known of its source.
@@ -88,6 +91,7 @@ def export_tiles(
             whole_folder.mkdir()
             writer = _Writer(Source(asset, up), whole_folder, skirts, flatten)
             report = writer.write(most, above, thread_count(threads), progress)
+            _flush(whole_folder)
             if target.exists():
                 target.rmdir()
             whole_folder.rename(target)
@@ -104,10 +108,20 @@ def check_target(folder: Path) -> None:
         raise Error(f"{folder}: there is no folder {folder.absolute().parent}")
 
 
+def _flush(folder: Path) -> None:
+    """Waits until all is on disk: at the end, since a wait for each file takes longer than it."""
+    for path in folder.rglob("*"):
+        if path.is_file():
+            with path.open("rb+") as file:
+                os.fsync(file.fileno())
+
+
 class _Writer:
     def __init__(self, source: Source, folder: Path, skirts: bool, flatten: bool) -> None:
         self.source, self.folder, self.skirts = source, folder, skirts
         self.repeats = None if flatten else Repeats(source)
+        #: Of all instances, those that no plane cuts in any tile.
+        self.whole = np.zeros(len(source.boxes), bool)
         self.asset = copyright_of(source.asset)
         self.files = self.bytes = 0
         self.images: dict[bytes, str] = {}
@@ -120,7 +134,7 @@ class _Writer:
         if report(0.0, "choosing tiles") is False:
             raise Cancelled("cancelled")
         plan = make_plan(self.source, most)
-        tiles = list(plan.tiles())
+        tiles = self._whole_instances(plan, implicit_above)
         for done, (tile, chunks) in enumerate(self._contents(plan, tiles, threads)):
             if chunks:
                 self._file(f"tiles/{tile.name}.glb", chunks)
@@ -130,12 +144,31 @@ class _Writer:
         if plan.root.box is None and not plan.root.children:
             raise Error(f"{self.source.asset.path}: all triangles are degenerate")
         tiles = list(plan.tiles())
-        implicit = len(tiles) > implicit_above
+        implicit = not self.whole.any() and len(tiles) > implicit_above
         if implicit:
             for name, data in subtrees(plan).items():
                 self._file(name, [data])
         self._file("tileset.json", [tileset(plan, self.source.origin, implicit)])
         return self._report(plan, tiles, implicit)
+
+    def _whole_instances(self, plan: Plan, implicit_above: int) -> list[Tile]:
+        """Decides which instances no plane cuts, and returns all tiles. Cells of implicit tiles are
+        the tiles' boxes, so there nothing may stick out of them."""
+        boxes = self.source.boxes
+        self.whole = plan.keep_whole(boxes)
+        tiles = list(plan.tiles())
+        if len(tiles) > implicit_above:
+            out = self.whole.copy()
+            for tile in tiles:
+                if not tile.children:
+                    low, high = plan.grid.cell(tile)
+                    own = boxes[tile.whole]
+                    inside = ((own[:, :3] >= low) & (own[:, 3:] <= high)).all(axis=1)
+                    out[tile.whole[inside]] = False
+            if self.source.triangles[out].sum() <= _MOST_CUT:
+                plan.keep_inside(boxes)
+                self.whole[:] = False
+        return tiles
 
     def _report(self, plan: Plan, tiles: list[Tile], implicit: bool) -> TilesReport:
         moves = [self._step(plan, tile) for tile in tiles if tile.box is not None]
@@ -186,49 +219,60 @@ class _Writer:
         step = self._step(plan, tile)
         repeats: list[Repeat] = []
         if self.repeats is not None:
-            inner = (high - low) * _MARGIN
-            repeats = self.repeats.within(tile.error, low + inner, high - inner, corner, step)
-        surface = self._surface(plan, tile, corner, step, repeats)
+            repeats = self.repeats.of(tile.whole, tile.error, corner, step)
+        grids = self._grids(plan, tile, corner, step, repeats)
         boxes = [repeat.box for repeat in repeats]
-        if surface is not None:
-            points = surface.rows["POSITION"].astype(np.float64) * step + corner
+        for surface, origin in grids:
+            points = surface.rows["POSITION"].astype(np.float64) * step + origin
             box = np.stack([points.min(axis=0), points.max(axis=0)]) @ Y_TO_Z.T
             boxes.append(np.sort(box, axis=0))
-            tile.triangles = len(surface.triangles)
+            tile.triangles += len(surface.triangles)
         if not boxes:
             return []
         corners = np.stack(boxes)
         tile.box = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
         tile.triangles += sum(repeat.triangles for repeat in repeats)
-        return self._chunks(tile.name, corner, step, surface, repeats)
+        return self._chunks(tile.name, corner, step, grids, repeats)
 
-    def _surface(
+    def _grids(
         self, plan: Plan, tile: Tile, corner: Doubles, step: float, repeats: list[Repeat]
-    ) -> Quantized | None:
-        """All in a tile's cell but what is drawn several times."""
+    ) -> list[tuple[Quantized, Doubles]]:
+        """All of a tile but what is drawn several times, each with the corner of its grid: what its
+        planes cut, and instances that stick out of the cell."""
         low, high = plan.grid.cell(tile)
-        without = {int(k) for repeat in repeats for k in repeat.instances}
+        without = self.whole.copy()
+        without[tile.whole] = True
+        rest = np.setdiff1d(tile.whole, np.concatenate([_NONE, *(r.instances for r in repeats)]))
+        boxes = self.source.boxes[rest]
+        inside = ((boxes[:, :3] >= low) & (boxes[:, 3:] <= high)).all(axis=1)
+        without[rest[inside]] = False
+        made = []
         piece = self.source.cut(tile.error, low, high, without)
-        if piece is None:
-            return None
-        for axis, value, above in plan.grid.cuts(tile):
-            piece = piece.half(axis, value, above)
-        if self.skirts and tile.depth > 0:
-            parent = plan.errors[tile.depth - 1]
-            piece = with_skirts(piece, low, high, parent + tile.error)
-        return quantized(piece.turned(Y_TO_Z.T), corner, step)
+        if piece is not None:
+            for axis, value, above in plan.grid.cuts(tile):
+                piece = piece.half(axis, value, above)
+            if self.skirts and tile.depth > 0:
+                parent = plan.errors[tile.depth - 1]
+                piece = with_skirts(piece, low, high, parent + tile.error)
+            made.append((quantized(piece.turned(Y_TO_Z.T), corner, step), corner))
+        # 16 bits reach half a cell beyond either side.
+        outer = corner - STEPS // 2 * step
+        piece = self.source.whole(tile.error, rest[~inside])
+        if piece is not None:
+            made.append((quantized(piece.turned(Y_TO_Z.T), outer, step), outer))
+        return [(surface, origin) for surface, origin in made if surface is not None]
 
     def _chunks(
         self,
         name: str,
         corner: Doubles,
         step: float,
-        surface: Quantized | None,
+        grids: list[tuple[Quantized, Doubles]],
         repeats: list[Repeat],
     ) -> list[bytes]:
         """The file of a tile."""
         arrays = PackedArrays()
-        surfaces = [] if surface is None else [surface]
+        surfaces = [surface for surface, _ in grids]
         surfaces += [repeat.surface for repeat in repeats]
         ids = [one.materials for one in surfaces if one.materials is not None]
         used = np.unique(np.concatenate(ids)).tolist() if ids else []
@@ -240,7 +284,7 @@ class _Writer:
             {"primitives": arrays.mesh(one, lambda k, sets: table.number(numbers[k], sets))}
             for one in surfaces
         ]
-        nodes = [] if surface is None else [grid_node(corner, step, mesh=0)]
+        nodes = [grid_node(origin, step, mesh=k) for k, (_, origin) in enumerate(grids)]
         nodes += [r.node(arrays, len(nodes) + k, corner) for k, r in enumerate(repeats)]
         scene = {
             "asset": self.asset,
@@ -273,6 +317,7 @@ class _Writer:
     def _file(self, name: str, chunks: list[bytes]) -> None:
         path = self.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_all(path, chunks)
+        with path.open("xb") as file:  # the folder has no name yet
+            file.writelines(chunks)
         self.files += 1
         self.bytes += sum(len(chunk) for chunk in chunks)

@@ -172,6 +172,37 @@ def test_instances_of_implicit_tiles_lie_in_their_cells(asset: Path, tmp_path: P
     assert seen > 2
 
 
+@pytest.mark.parametrize("flatten", [False, True])
+def test_planes_cut_no_instance_that_is_smaller_than_cells(flatten: bool, tmp_path: Path) -> None:
+    rng = np.random.default_rng(11)
+    # Rings: no triangle is at their centres, so cells with those may have no other triangle.
+    ring = umbel.shapes.torus(24, 12)
+    matrices = [placed(rng, rng.uniform(-30, 30, 3), rng.uniform(0.5, 1)) for _ in range(150)]
+    scene = Scene([ring], [], [Instance(0, matrix) for matrix in matrices])
+    umbel.build_scene(scene, instances="on").save(tmp_path / "rings.umbel")
+    report = umbel.export_tiles(
+        tmp_path / "rings.umbel", tmp_path / "t", tile_triangles=6_000, flatten=flatten
+    )
+    assert report.depth >= 2
+    assert not report.implicit
+    shown = leaf_mesh(tmp_path / "t")
+    flat = scene.flatten()
+    assert len(shown.triangles) == len(flat.triangles)
+    ours = area_and_volume(shown.positions, shown.triangles)
+    assert np.allclose(ours, area_and_volume(flat.positions, flat.triangles), rtol=2e-3)
+    bounds = [[q.min(axis=0), q.max(axis=0)] for q in (shown.positions, flat.positions @ TO_Z_UP.T)]
+    assert np.allclose(bounds[0], bounds[1], atol=report.largest_move * 1.01)
+
+
+def test_many_instances_across_cells_are_not_cut_for_implicit_tiles(
+    asset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("umbel.export.tiles._MOST_CUT", 0)
+    report = umbel.export_tiles(asset, tmp_path / "t", tile_triangles=12_000, implicit_above=0)
+    assert not report.implicit
+    assert tileset_faults(json.loads((tmp_path / "t/tileset.json").read_text())) == []
+
+
 def test_materials_are_those_of_the_mesh(exported: tuple[Path, umbel.TilesReport]) -> None:
     folder, _ = exported
     for uri in uris(folder, leaves=False):
@@ -230,7 +261,7 @@ def test_what_no_rotation_and_scale_can_say_is_stored_each(tmp_path: Path) -> No
     source = Source(umbel.Asset(tmp_path / "a.umbel"))
     low, high = source.bounds()
     step = float((high - low).max()) / 2**16
-    found = Repeats(source).within(0.0, low, high, low * 0, step)
+    found = Repeats(source).of(np.arange(len(kinds)), 0.0, low * 0, step)
     assert [one.instances.tolist() for one in found] == [[0, 1]]
     umbel.export_glb(tmp_path / "a.umbel", tmp_path / "a.glb")
     assert repeated(tmp_path / "a.glb")[0][1] == 2

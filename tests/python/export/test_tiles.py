@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import pytest
 
 import umbel
 from helpers.pictures import png
-from umbel.export import tiles as tiles_module
 from umbel.io import Instance, Scene
 from umbel.io.textures.images import TextureImage
 
@@ -343,18 +343,19 @@ def test_what_fails_leaves_nothing(
     with pytest.raises(umbel.Cancelled):
         umbel.export_tiles(asset, tmp_path / "t", progress=lambda f, _: f < 0.4)
     assert not list(tmp_path.iterdir())
-    real, count = tiles_module.write_all, 0
+    real, count = Path.open, 0
 
-    def full(path: Path, chunks: list[bytes]) -> None:
+    def full(path: Path, mode: str = "r", *more: Any, **named: Any) -> IO[Any]:
         nonlocal count
-        count += 1
+        count += mode == "xb"
         if count > 5:
-            raise umbel.Error(f"cannot write {path}: No space left on device")
-        real(path, chunks)
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real(path, mode, *more, **named)
 
-    monkeypatch.setattr(tiles_module, "write_all", full)
-    with pytest.raises(umbel.Error, match="No space left"):
+    monkeypatch.setattr(Path, "open", full)
+    with pytest.raises(umbel.Error, match=r"cannot write .*t: No space left"):
         umbel.export_tiles(asset, tmp_path / "t", tile_triangles=1500)
+    monkeypatch.undo()
     assert not list(tmp_path.iterdir())
 
 
