@@ -165,6 +165,8 @@ LINES = {
     "octree": "#8a6d3b",
     "bounding intervals": "#7d5ba6",
 }
+LABELS_BELOW = ("BVH, width 8", "BVH, width 2", "kd-tree, ropes")
+"""Points of the chart of memory whose names would lie on others."""
 
 
 def draw_rays(rows: list[dict[str, Any]], file: Path) -> None:
@@ -217,8 +219,9 @@ def draw_memory(rows: list[dict[str, Any]], file: Path) -> None:
         own = [row for row in rows if row["structure"] == name]
         x, y = (mean_of(own, key) for key in ("bytes_a_triangle", "bounce_mrays"))
         axes.loglog(x, y, "o", color=LINES.get(name, "#888888"))
+        offset = (6, -10) if name in LABELS_BELOW else (6, 4)
         axes.annotate(
-            name.replace("`", ""), (x, y), textcoords="offset points", xytext=(6, 4), fontsize=8
+            name.replace("`", ""), (x, y), textcoords="offset points", xytext=offset, fontsize=8
         )
     axes.set(xlabel="bytes a triangle", ylabel="million bounce rays a second")
     axes.set_xlim(left=25, right=700)
