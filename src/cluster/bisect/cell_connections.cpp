@@ -1,18 +1,26 @@
 #include "cluster/bisect/cell_connections.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <limits>
 #include <vector>
 
+#include "base/parallel.hpp"
 #include "cluster/bisect/scaling.hpp"
 
 namespace umbel::cluster {
 namespace {
 
 constexpr uint32_t kSampledItems = 1 << 11;    ///< of a node, about
-constexpr size_t kLeastCells = 1 << 8;         ///< in a sample, where there are as many
-constexpr uint32_t kSampledCorners = 1 << 15;  ///< of a node, about
+constexpr size_t kLeastCells = 1 << 6;         ///< in a sample, where there are as many
+constexpr uint32_t kSampledCorners = 1 << 15;  ///< of a node, at most about
 constexpr uint32_t kWindow = 1 << 10;          ///< items on each side of a plane, at least
+constexpr size_t kChunk = 1 << 13;             ///< items that one thread ranks
+constexpr size_t kAhead = 16;                  ///< items whose vertices are fetched early
+
+// One vertex in 2^k has at least this rank.
+int rank_of(uint32_t vertex) { return std::countl_zero((vertex + 1) * 0x9e3779b1u); }
 
 // A connection of this weight between bins a and b.
 void connect(std::array<float, kCellBins>& change, int a, int b, float weight) {
@@ -33,11 +41,17 @@ void add_up(AtPlanes& change, float factor) {
   }
 }
 
-// A corner of an item at a sampled vertex.
-struct Corner {
-  uint32_t vertex;
+// Where an item lies, or a corner at a vertex.
+struct Place {
+  uint32_t number;  ///< of the item or vertex
   std::array<uint8_t, 3> bins;
 };
+
+std::array<uint8_t, 3> bins_of(const Cell& cell, const CellExtent& extent) {
+  std::array<uint8_t, 3> bins;
+  for (int k = 0; k < 3; ++k) bins[k] = static_cast<uint8_t>(extent.bin(k, cell.position[k]));
+  return bins;
+}
 
 }  // namespace
 
@@ -59,10 +73,24 @@ CellConnections::CellConnections(const Segment& segment)
       constraints_(segment.constraints),
       explicit_(!segment.source.connections.targets.empty()),
       by_vertices_(segment.source.vertices && segment.source.shared_vertex_weight > 0) {
-  if (segment.count == 0 || !explicit_) return;
+  if (segment.count == 0 || !active()) return;
   const auto [first, last] = std::minmax_element(segment.items, segment.items + segment.count);
   first_item_ = *first;
   last_item_ = *last;
+  if (by_vertices_) rank_items(segment);
+}
+
+void CellConnections::rank_items(const Segment& segment) {
+  ranks_.resize(size_t(last_item_ - first_item_) + 1);
+  parallel_chunks(segment.count, kChunk, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      const uint32_t item = segment.items[i];
+      const uint32_t* vertices = source_.vertices + size_t(item) * source_.arity;
+      int most = 0;
+      for (uint32_t k = 0; k < source_.arity; ++k) most = std::max(most, rank_of(vertices[k]));
+      ranks_[item - first_item_] = static_cast<uint8_t>(most);
+    }
+  });
 }
 
 AtPlanes CellConnections::weigh_planes(const CellSet& set, const Part& part,
@@ -101,6 +129,7 @@ void CellConnections::sample_explicit(const CellSet& set, const Part& part,
   uint64_t sampled = 0;
   for (size_t c = 0; c < cells; c += stride) {
     const Cell& cell = part.cells[c];
+    const std::array<uint8_t, 3> bins = bins_of(cell, extent);
     sampled += cell.count;
     for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i) {
       const Range& range = connections.ranges[set.order[i]];
@@ -111,37 +140,41 @@ void CellConnections::sample_explicit(const CellSet& set, const Part& part,
         // Half from each end, as in nodes that are swept.
         const float weight = 0.5f * weight_of(connections, k);
         for (int axis = 0; axis < 3; ++axis)
-          connect(change[axis], extent.bin(axis, cell.position[axis]),
-                  extent.bin(axis, layers[axis]), weight);
+          connect(change[axis], bins[axis], extent.bin(axis, layers[axis]), weight);
       }
     }
   }
   add_up(change, static_cast<float>(double(part.count) / double(std::max<uint64_t>(sampled, 1))));
 }
 
-// All corners at every n-th vertex by hash. As in ConnectionCost, l of a vertex's m items on the
-// left are l (m - l) connections.
+// All corners at one in 2^k vertices, chosen by hash. As in ConnectionCost, l of a vertex's m items
+// on the left are l (m - l) connections.
 void CellConnections::sample_vertices(const CellSet& set, const Part& part,
                                       const CellExtent& extent, AtPlanes& change) const {
   const uint64_t corner_count = uint64_t(part.count) * source_.arity;
-  const uint32_t below = static_cast<uint32_t>(
-      std::min<uint64_t>((uint64_t(kSampledCorners) << 32) / corner_count, 0xffffffffu));
-  std::vector<Corner> corners;
+  const int rank = std::bit_width(corner_count / kSampledCorners);
+  std::vector<Place> items, corners;
   for (const Cell& cell : part.cells) {
-    std::array<uint8_t, 3> bins;
-    for (int k = 0; k < 3; ++k) bins[k] = static_cast<uint8_t>(extent.bin(k, cell.position[k]));
-    for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i) {
-      const uint32_t* vertices = source_.vertices + size_t(set.order[i]) * source_.arity;
-      for (uint32_t k = 0; k < source_.arity; ++k)
-        if (vertices[k] * 0x9e3779b1u <= below) corners.push_back({vertices[k], bins});
-    }
+    const std::array<uint8_t, 3> bins = bins_of(cell, extent);
+    for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i)
+      if (const uint32_t item = set.order[i]; ranks_[item - first_item_] >= rank)
+        items.push_back({item, bins});
+  }
+  const auto vertices_of = [&](const Place& item) {
+    return source_.vertices + size_t(item.number) * source_.arity;
+  };
+  for (size_t i = 0; i < items.size(); ++i) {
+    __builtin_prefetch(vertices_of(items[std::min(i + kAhead, items.size() - 1)]));
+    const uint32_t* vertices = vertices_of(items[i]);
+    for (uint32_t k = 0; k < source_.arity; ++k)
+      if (rank_of(vertices[k]) >= rank) corners.push_back({vertices[k], items[i].bins});
   }
   std::sort(corners.begin(), corners.end(),
-            [](const Corner& a, const Corner& b) { return a.vertex < b.vertex; });
+            [](const Place& a, const Place& b) { return a.number < b.number; });
   std::vector<uint8_t> own;
   for (size_t begin = 0; begin < corners.size();) {
     size_t end = begin;
-    while (end < corners.size() && corners[end].vertex == corners[begin].vertex) ++end;
+    while (end < corners.size() && corners[end].number == corners[begin].number) ++end;
     for (int axis = 0; axis < 3; ++axis) {
       own.clear();
       for (size_t c = begin; c < end; ++c) own.push_back(corners[c].bins[axis]);
@@ -151,7 +184,7 @@ void CellConnections::sample_vertices(const CellSet& set, const Part& part,
     }
     begin = end;
   }
-  add_up(change, source_.shared_vertex_weight * static_cast<float>(0x1p32 / (double(below) + 1)));
+  add_up(change, source_.shared_vertex_weight * std::ldexp(1.0f, rank));
 }
 
 // The kWindow items on each side of a position, if there are as many. Found in their layers.

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "cluster/bisect/cell_bins.hpp"
 #include "cluster/bisect/segment.hpp"
@@ -28,6 +29,7 @@ class CellConnections {
  private:
   struct Window;
 
+  void rank_items(const Segment& segment);
   void sample_explicit(const CellSet& set, const Part& part, const CellExtent& extent,
                        AtPlanes& change) const;
   void sample_vertices(const CellSet& set, const Part& part, const CellExtent& extent,
@@ -43,6 +45,9 @@ class CellConnections {
   const SplitConstraints& constraints_;
   bool explicit_, by_vertices_;
   uint32_t first_item_ = 0, last_item_ = 0;  ///< of the segment
+  /// Of the items from first_item_ on: samples of one in 2^k vertices have one of an item's
+  /// vertices if k is at most its rank.
+  std::vector<uint8_t> ranks_;
 };
 
 }  // namespace umbel::cluster
