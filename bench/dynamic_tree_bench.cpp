@@ -7,7 +7,8 @@
 // are taken out and put in again. Another tree is only inserted, in the mesh's order, and one in
 // random order. Then a tenth of the boxes moves in ten steps, each of 1 % of the mesh's diagonal in
 // a random direction, by move() or by one refit() a step. Queries are boxes of a 50th of the
-// diagonal around random triangles.
+// diagonal around random triangles; also asked is a snapshot, the same tree with its nodes in
+// order.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -21,6 +22,7 @@
 #include "base/math.hpp"
 #include "clocks.hpp"
 #include "mesh_reader.hpp"
+#include "umbel/bvh_traverse.hpp"
 #include "umbel/dynamic_bvh.hpp"
 
 namespace {
@@ -70,6 +72,24 @@ std::vector<Aabb> boxes_of(const Mesh& mesh) {
   return boxes;
 }
 
+bool meet(const Vec3& low, const Vec3& high, const Aabb& b) {
+  return low.x <= b.max.x && high.x >= b.min.x && low.y <= b.max.y && high.y >= b.min.y &&
+         low.z <= b.max.z && high.z >= b.min.z;
+}
+
+/// As DynamicTree::overlaps.
+std::vector<uint32_t> overlaps(const bvh::Bvh2& tree, const Aabb& box) {
+  std::vector<uint32_t> found;
+  bvh::traverse(
+      tree, [&](const bvh::Node& node) { return meet(node.min, node.max, box); },
+      [&](std::span<const uint32_t> primitives) {
+        found.insert(found.end(), primitives.begin(), primitives.end());
+        return true;
+      });
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
 Aabb moved(const Aabb& box, const Vec3& by) { return {box.min + by, box.max + by}; }
 
 class Runs {
@@ -102,10 +122,15 @@ class Runs {
  private:
   void look_at(const DynamicTree& tree, const std::string& name) {
     results.add("SAH cost, " + name, tree.quality().sah_cost);
-    size_t found = 0;
+    size_t found = 0, same = 0;
     time(results, "query, " + name + ", us", queries_.size(), [&] {
       for (const Aabb& query : queries_) found += tree.overlaps(query).size();
     });
+    const bvh::Bvh2 snapshot = tree.snapshot(1);
+    time(results, "query, " + name + ", snapshot, us", queries_.size(), [&] {
+      for (const Aabb& query : queries_) same += overlaps(snapshot, query).size();
+    });
+    if (same != found) bench::fail(name, "a snapshot gives other boxes");
     results.add("boxes a query, " + name, double(found) / double(queries_.size()));
   }
 
