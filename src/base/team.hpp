@@ -53,6 +53,12 @@ struct SerialTeam {
   UMBEL_HOST_DEVICE static void lower(T* least, T value) {
     if (value < *least) *least = value;
   }
+  /// Makes a word that is still `free` the value, and returns what it was.
+  UMBEL_HOST_DEVICE static uint32_t claim(uint32_t* word, uint32_t free, uint32_t value) {
+    const uint32_t old = *word;
+    if (old == free) *word = value;
+    return old;
+  }
 };
 
 }  // namespace umbel

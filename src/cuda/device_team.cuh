@@ -47,6 +47,9 @@ struct DeviceTeam {
   __device__ static void lower(T* least, T value) {
     atomicMin(least, value);
   }
+  __device__ static uint32_t claim(uint32_t* word, uint32_t free, uint32_t value) {
+    return atomicCAS(word, free, value);
+  }
 };
 
 struct WarpTeam : DeviceTeam {

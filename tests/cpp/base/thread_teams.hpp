@@ -63,6 +63,11 @@ class ThreadTeam {
     while (value < seen && !shared.compare_exchange_weak(seen, value, std::memory_order_relaxed)) {
     }
   }
+  static uint32_t claim(uint32_t* word, uint32_t free, uint32_t value) {
+    std::atomic_ref<uint32_t>(*word).compare_exchange_strong(free, value,
+                                                             std::memory_order_relaxed);
+    return free;
+  }
 
  private:
   uint32_t count_of(bool flag, uint32_t lanes) const {

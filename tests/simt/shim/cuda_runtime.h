@@ -118,6 +118,12 @@ template <typename T>
 inline T atomicMax(T* to, std::type_identity_t<T> value) {
   return umbel_simt_exchange_if(to, value, std::greater<T>());
 }
+template <typename T>
+inline T atomicCAS(T* to, std::type_identity_t<T> expected, std::type_identity_t<T> value) {
+  umbel::simt::before_atomic(to);
+  std::atomic_ref<T>(*to).compare_exchange_strong(expected, value, std::memory_order_relaxed);
+  return expected;
+}
 UMBEL_SIMT_INLINE uint32_t umbel_simt_add_release(uint32_t* counter, uint32_t amount) {
   const bool releases = umbel::simt::releases(counter);
   return std::atomic_ref<uint32_t>(*counter).fetch_add(
