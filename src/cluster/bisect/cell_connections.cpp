@@ -14,7 +14,7 @@ namespace {
 
 constexpr uint32_t kSampledItems = 1 << 11;    ///< of a node, about
 constexpr size_t kLeastCells = 1 << 6;         ///< in a sample, where there are as many
-constexpr uint32_t kSampledCorners = 1 << 15;  ///< of a node, at most about
+constexpr uint32_t kSampledCorners = 1 << 14;  ///< of a node, at most about
 constexpr uint32_t kWindow = 1 << 10;          ///< items on each side of a plane, at least
 constexpr size_t kChunk = 1 << 13;             ///< items that one thread ranks
 constexpr size_t kAhead = 16;                  ///< items whose vertices are fetched early
