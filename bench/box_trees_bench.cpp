@@ -21,6 +21,7 @@
 #include "umbel/bvh_presets.hpp"
 #include "umbel/bvh_traverse.hpp"
 #include "umbel/kdtree_traverse.hpp"
+#include "umbel/mesh.hpp"
 #include "umbel/triangle_bvh.hpp"
 #include "view_rays.hpp"
 
@@ -34,20 +35,6 @@ const BuildOptions kOneThread{.progress = {}, .threads = 1};
 struct Rays {
   std::vector<Ray> primary, bounces;
 };
-
-std::vector<Aabb> boxes_of(const Mesh& mesh) {
-  std::vector<Aabb> boxes;
-  for (const Triangle& t : mesh.triangles) {
-    Aabb box;
-    for (const uint32_t corner : t) {
-      const Vec3& p = mesh.positions[corner];
-      box.min = {std::min(box.min.x, p.x), std::min(box.min.y, p.y), std::min(box.min.z, p.z)};
-      box.max = {std::max(box.max.x, p.x), std::max(box.max.y, p.y), std::max(box.max.z, p.z)};
-    }
-    boxes.push_back(box);
-  }
-  return boxes;
-}
 
 /// Moeller & Trumbore, "Fast, minimum storage ray-triangle intersection", 1997.
 float distance(const Mesh& mesh, uint32_t triangle, const Ray& ray) {
@@ -164,7 +151,7 @@ kdtree::Tree build_kdtree(std::span<const Aabb> boxes) {
 }
 
 void measure(const std::string& label, const Mesh& mesh, int runs, uint32_t size) {
-  const std::vector<Aabb> boxes = boxes_of(mesh);
+  const std::vector<Aabb> boxes = triangle_boxes(mesh.view(), kOneThread);
   Rays rays{bench::primary_rays(mesh, size), {}};
   std::vector<Hit> hits(rays.primary.size());
   const Bvh truth = Bvh::build(mesh.view());

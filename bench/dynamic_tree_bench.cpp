@@ -24,6 +24,7 @@
 #include "mesh_reader.hpp"
 #include "umbel/bvh_traverse.hpp"
 #include "umbel/dynamic_bvh.hpp"
+#include "umbel/mesh.hpp"
 
 namespace {
 
@@ -56,20 +57,6 @@ void time(Results& results, const std::string& name, size_t count, const Work& w
   const double start = thread_seconds();
   work();
   results.add(name, 1e6 * (thread_seconds() - start) / static_cast<double>(count));
-}
-
-std::vector<Aabb> boxes_of(const Mesh& mesh) {
-  std::vector<Aabb> boxes;
-  for (const Triangle& t : mesh.triangles) {
-    Aabb box;
-    for (const uint32_t corner : t) {
-      const Vec3& p = mesh.positions[corner];
-      box.min = {std::min(box.min.x, p.x), std::min(box.min.y, p.y), std::min(box.min.z, p.z)};
-      box.max = {std::max(box.max.x, p.x), std::max(box.max.y, p.y), std::max(box.max.z, p.z)};
-    }
-    boxes.push_back(box);
-  }
-  return boxes;
 }
 
 bool meet(const Vec3& low, const Vec3& high, const Aabb& b) {
@@ -110,7 +97,7 @@ class Runs {
     DynamicTree tree;
     time(results, "build, us/box", boxes_.size(),
          [&] { tree = DynamicTree::build(boxes_, {}, kOneThread); });
-    look_at(tree, "built");
+    measure(tree, "built");
     take_out_and_put_in(tree);
     insert_only("in the mesh's order", [](uint32_t i) { return i; });
     insert_only("in random order", [&](uint32_t i) { return shuffled_[i]; });
@@ -120,7 +107,7 @@ class Runs {
   Results results;
 
  private:
-  void look_at(const DynamicTree& tree, const std::string& name) {
+  void measure(const DynamicTree& tree, const std::string& name) {
     results.add("SAH cost, " + name, tree.quality().sah_cost);
     size_t found = 0, same = 0;
     time(results, "query, " + name + ", us", queries_.size(), [&] {
@@ -142,7 +129,7 @@ class Runs {
     time(results, "insertion, us", half, [&] {
       for (size_t i = half; i-- > 0;) tree.insert(boxes_[shuffled_[i]]);
     });
-    look_at(tree, "half out and in");
+    measure(tree, "half out and in");
   }
 
   template <typename Order>
@@ -151,7 +138,7 @@ class Runs {
     time(results, "insertion " + name + ", us", boxes_.size(), [&] {
       for (uint32_t i = 0; i < boxes_.size(); ++i) tree.insert(boxes_[order(i)]);
     });
-    look_at(tree, "inserted " + name);
+    measure(tree, "inserted " + name);
   }
 
   void move_some() {
@@ -174,10 +161,10 @@ class Runs {
     const double count = double(kSteps) * double(some.size());
     results.add("move, us", 1e6 * moving / count);
     results.add("refit, us/box", 1e6 * refitting / count);
-    look_at(by_move, "after moves");
-    look_at(by_refit, "after refits");
+    measure(by_move, "after moves");
+    measure(by_refit, "after refits");
     time(results, "rebuild, us/box", boxes_.size(), [&] { by_refit.rebuild({}, kOneThread); });
-    look_at(by_refit, "rebuilt");
+    measure(by_refit, "rebuilt");
   }
 
   Vec3 random_step() {
@@ -202,7 +189,7 @@ int main(int argc, char** argv) {
       "[--runs N] MESH.ply...");
   for (const std::string& file : files) {
     const Mesh mesh = bench::read_mesh(file);
-    Runs of_mesh(boxes_of(mesh));
+    Runs of_mesh(triangle_boxes(mesh.view(), kOneThread));
     for (int run = 0; run < runs; ++run) of_mesh.run();
     std::printf("%s: %zu boxes\n", bench::file_name(file).c_str(), mesh.triangles.size());
     of_mesh.results.print();

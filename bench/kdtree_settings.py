@@ -14,12 +14,10 @@ from __future__ import annotations
 import argparse
 from functools import partial
 from pathlib import Path
-from statistics import median
 from typing import Any
 
-import numpy as np
 from docs_tables import ROOT, fill, table
-from structures import mean_of, rays_of, read, seconds_of, write
+from structures import in_turns, mean_of, rays_of, read, write
 
 import umbel
 from umbel.bench.bvh.scenes import scene
@@ -45,23 +43,11 @@ def measure(path: Path, runs: int, share: float) -> list[dict[str, Any]]:
     """A row for each setting."""
     on = scene(path.stem, lambda: umbel.load(path))
     rays = rays_of(on, share)
-    truth = {kind: umbel.Bvh(on.mesh).intersect(*some).t for kind, some in rays.items()}
-    times: dict[str, dict[str, list[float]]] = {
-        name: {"build": [], **{kind: [] for kind in rays}} for name in SETTINGS
+    makers = {
+        name: partial(umbel.KdTree, on.mesh, threads=1, **settings)
+        for name, settings in SETTINGS.items()
     }
-    built = {}
-    for _ in range(runs):
-        for name, settings in SETTINGS.items():
-            make = partial(umbel.KdTree, on.mesh, threads=1, **settings)
-            built[name], seconds = seconds_of(make)
-            times[name]["build"].append(seconds)
-    for run in range(runs):
-        for name, tree in built.items():
-            for kind, some in rays.items():
-                hits, seconds = seconds_of(partial(tree.intersect, *some, threads=1))
-                times[name][kind].append(seconds)
-                if run == 0 and not np.array_equal(hits.t, truth[kind]):
-                    raise SystemExit(f"{path.stem}: {name} gives other {kind} hits")
+    built, times = in_turns(on, makers, rays, runs)
     rows = []
     triangles = len(on.mesh.triangles)
     for name, own in times.items():
@@ -71,13 +57,13 @@ def measure(path: Path, runs: int, share: float) -> list[dict[str, Any]]:
                 "mesh": path.stem,
                 "triangles": triangles,
                 "settings": name,
-                "build_seconds": median(own["build"]),
+                "build_seconds": own["build"],
                 "nodes_a_triangle": found["nodes"] / triangles,
                 "references_a_triangle": found["references"] / triangles,
                 "max_depth": found["max_depth"],
                 "sah_cost": found["sah_cost"],
-                "primary_mrays": len(rays["primary"][0]) / median(own["primary"]) * 1e-6,
-                "bounce_mrays": len(rays["bounce"][0]) / median(own["bounce"]) * 1e-6,
+                "primary_mrays": len(rays["primary"][0]) / own["primary"] * 1e-6,
+                "bounce_mrays": len(rays["bounce"][0]) / own["bounce"] * 1e-6,
             }
         )
         print(*rows[-1].values(), sep="\t", flush=True)

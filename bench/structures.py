@@ -17,7 +17,7 @@ import argparse
 import csv
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -71,18 +71,19 @@ def rays_of(on: Any, share: float) -> dict[str, Rays]:
     }
 
 
-def measure(path: Path, runs: int, share: float) -> list[dict[str, Any]]:
-    """A row for each structure."""
-    on = scene(path.stem, lambda: umbel.load(path))
-    rays = rays_of(on, share)
+def in_turns(
+    on: Any, makers: Mapping[str, Callable[[], Any]], rays: dict[str, Rays], runs: int
+) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
+    """Structures by their names, and of each the median seconds of "build" and of each kind of
+    rays, in runs that take turns. All must give the same hits."""
     truth = {kind: umbel.Bvh(on.mesh).intersect(*some).t for kind, some in rays.items()}
     times: dict[str, dict[str, list[float]]] = {
-        name: {"build": [], "primary": [], "bounce": []} for name in STRUCTURES
+        name: {"build": [], **{kind: [] for kind in rays}} for name in makers
     }
     built = {}
     for _ in range(runs):
-        for name, make in STRUCTURES.items():
-            built[name], seconds = seconds_of(partial(make, on.mesh, cost=COSTS, threads=1))
+        for name, make in makers.items():
+            built[name], seconds = seconds_of(make)
             times[name]["build"].append(seconds)
     for run in range(runs):
         for name, structure in built.items():
@@ -90,7 +91,19 @@ def measure(path: Path, runs: int, share: float) -> list[dict[str, Any]]:
                 hits, seconds = seconds_of(partial(structure.intersect, *some, threads=1))
                 times[name][kind].append(seconds)
                 if run == 0 and not np.array_equal(hits.t, truth[kind]):
-                    raise SystemExit(f"{path.stem}: {name} gives other {kind} hits")
+                    raise SystemExit(f"{on.name}: {name} gives other {kind} hits")
+    medians = {name: {k: median(v) for k, v in own.items()} for name, own in times.items()}
+    return built, medians
+
+
+def measure(path: Path, runs: int, share: float) -> list[dict[str, Any]]:
+    """A row for each structure."""
+    on = scene(path.stem, lambda: umbel.load(path))
+    rays = rays_of(on, share)
+    makers = {
+        name: partial(make, on.mesh, cost=COSTS, threads=1) for name, make in STRUCTURES.items()
+    }
+    built, times = in_turns(on, makers, rays, runs)
     rows = []
     triangles = len(on.mesh.triangles)
     for name, own in times.items():
@@ -100,9 +113,9 @@ def measure(path: Path, runs: int, share: float) -> list[dict[str, Any]]:
                 "mesh": path.stem,
                 "triangles": triangles,
                 "structure": name,
-                "build_seconds": median(own["build"]),
-                "primary_mrays": len(rays["primary"][0]) / median(own["primary"]) * 1e-6,
-                "bounce_mrays": len(rays["bounce"][0]) / median(own["bounce"]) * 1e-6,
+                "build_seconds": own["build"],
+                "primary_mrays": len(rays["primary"][0]) / own["primary"] * 1e-6,
+                "bounce_mrays": len(rays["bounce"][0]) / own["bounce"] * 1e-6,
                 "bytes_a_triangle": statistics["bytes"] / triangles,
                 "references_a_triangle": statistics["references"] / triangles,
                 "sah_cost": statistics["sah_cost"],

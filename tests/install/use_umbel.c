@@ -10,7 +10,7 @@ static umbel_range ranges[COUNT];
 static uint32_t items[COUNT];
 
 /* Of a ray through all boxes; the second ends it. */
-static float look_at_box(void* user, uint32_t box) {
+static float count_box(void* user, uint32_t box) {
   uint32_t* seen = user;
   seen[0] += 1;
   seen[1] = box;
@@ -25,7 +25,7 @@ static int rays_work(void) {
   if (umbel_dynamic_tree_build(boxes, COUNT, NULL, NULL, &tree) != UMBEL_OK) return 0;
   done = umbel_dynamic_tree_insert(tree, &boxes[0], &last) == UMBEL_OK && last == COUNT &&
          umbel_dynamic_tree_remove(tree, 0) == UMBEL_OK &&
-         umbel_dynamic_tree_traverse_ray(tree, &ray, look_at_box, seen, NULL) == UMBEL_OK &&
+         umbel_dynamic_tree_traverse_ray(tree, &ray, count_box, seen, NULL) == UMBEL_OK &&
          seen[0] == 2 && umbel_dynamic_tree_contains(tree, seen[1]);
   umbel_dynamic_tree_free(tree);
   return done;

@@ -7,6 +7,7 @@
 #include "bvh/tree_tests.hpp"
 #include "umbel/bvh_traverse.hpp"
 #include "umbel/dynamic_bvh.hpp"
+#include "umbel/mesh.hpp"
 #include "umbel/triangle_bvh.hpp"
 
 namespace umbel {
@@ -162,15 +163,7 @@ TEST(DynamicTree, nearest_box_is_found_in_order) {
 TEST(DynamicTree, a_snapshot_of_triangles_answers_rays) {
   const Mesh mesh = shapes::blob(4, 1);
   DynamicTree tree;
-  for (const Triangle& t : mesh.triangles) {
-    Aabb box;
-    for (const uint32_t v : t) {
-      const Vec3& p = mesh.positions[v];
-      box.min = {std::min(box.min.x, p.x), std::min(box.min.y, p.y), std::min(box.min.z, p.z)};
-      box.max = {std::max(box.max.x, p.x), std::max(box.max.y, p.y), std::max(box.max.z, p.z)};
-    }
-    tree.insert(box);
-  }
+  for (const Aabb& box : triangle_boxes(mesh.view())) tree.insert(box);
   const bvh::Bvh2 snapshot = tree.snapshot();
   bvh::check(snapshot, static_cast<uint32_t>(mesh.triangles.size()));
   const Bvh widened = Bvh::widen(snapshot, mesh.view()), built = Bvh::build(mesh.view());
