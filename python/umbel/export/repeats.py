@@ -78,7 +78,7 @@ class Repeats:
             fits = (skew <= _MOST_SKEW * self._largest) & (self._scale > 0).all(axis=1)
             self._fits = fits & (step > 0) & np.isfinite(step)
         self._lock = threading.Lock()
-        self._kept: dict[tuple[int, float, int], Quantized | None] = {}
+        self._kept: dict[tuple[int, bytes], Quantized | None] = {}
 
     def of(
         self, instances: NDArray[np.intp], error: float, corner: Doubles, step: float
@@ -131,7 +131,7 @@ class Repeats:
         found = self.source.find(instance, error)
         if found.triangles == 0:
             return None
-        key = (mesh, found.error, found.triangles)
+        key = (mesh, found.clusters().tobytes())
         with self._lock:
             if key in self._kept:
                 return self._kept[key]
@@ -140,9 +140,13 @@ class Repeats:
         surface = None if surface is None else ordered(surface)
         with self._lock:
             self._kept[key] = surface
-            while len(self._kept) > 1 and sum(k[2] for k in self._kept) > _MOST_KEPT:
+            while len(self._kept) > 1 and sum(map(_size, self._kept.values())) > _MOST_KEPT:
                 del self._kept[next(iter(self._kept))]
         return surface
+
+
+def _size(surface: Quantized | None) -> int:
+    return 0 if surface is None else len(surface.triangles)
 
 
 def _quaternions(turns: Doubles) -> NDArray[np.float32]:

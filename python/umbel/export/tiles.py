@@ -36,8 +36,6 @@ side by side round points between them equally, and float arithmetic gives both 
 _MOST_CUT = 2**24
 """Of the source's triangles: what of instances may lie across borders of cells and be cut."""
 
-_NONE = np.zeros(0, np.intp)
-
 
 @dataclass(frozen=True)
 class TilesReport:
@@ -242,7 +240,9 @@ class _Writer:
         low, high = plan.grid.cell(tile)
         without = self.whole.copy()
         without[tile.whole] = True
-        rest = np.setdiff1d(tile.whole, np.concatenate([_NONE, *(r.instances for r in repeats)]))
+        rest = tile.whole
+        for repeat in repeats:
+            rest = np.setdiff1d(rest, repeat.instances)
         boxes = self.source.boxes[rest]
         inside = ((boxes[:, :3] >= low) & (boxes[:, 3:] <= high)).all(axis=1)
         without[rest[inside]] = False
