@@ -1,5 +1,6 @@
-// Streams of bits, the lowest bit of a byte first, and Rice codes in them (Rice, "Some Practical
-// Universal Noiseless Coding Techniques", 1979).
+// Streams of bits, the lowest bit of a byte first, and numbers in them whose class comes first, in
+// unary: Rice codes (Rice, "Some Practical Universal Noiseless Coding Techniques", 1979), where
+// classes are equally large, and others.
 #pragma once
 
 #include <algorithm>
@@ -14,15 +15,19 @@
 
 namespace umbel {
 
-/// Longest run of zeros before a Rice code's quotient ends; a longer one is followed by the number
+/// Longest run of zeros before the number of a class ends; a longer one is followed by the number
 /// itself.
-inline constexpr uint32_t kRiceEscape = 16;
+inline constexpr uint32_t kUnaryEscape = 16;
 
-/// Bits of the Rice code of `value` with parameter k.
-constexpr uint32_t rice_bits(uint32_t value, uint32_t k) {
-  const uint32_t quotient = value >> k;
-  return quotient < kRiceEscape ? quotient + 1 + k : kRiceEscape + 32;
-}
+/// The numbers of a code that begin with the same zeros, after which a one comes.
+struct UnaryClass {
+  static constexpr uint32_t kEscape = ~0u;
+
+  uint32_t first;   ///< the lowest
+  uint32_t mask;    ///< of the bits that come next, and are added to it
+  uint32_t zeros;   ///< bits before those, with the one
+  uint32_t length;  ///< of all bits; kEscape after kUnaryEscape zeros
+};
 
 /// Bits of a number below `count`.
 constexpr uint32_t bits_below(uint32_t count) {
@@ -49,15 +54,10 @@ class BitWriter {
     if (bits_ >= 32) emit(4);
   }
 
-  void rice(uint32_t value, uint32_t k) {
-    const uint32_t quotient = value >> k;
-    if (quotient >= kRiceEscape) {
-      write(0, kRiceEscape);
-      write(value, 32);
-      return;
-    }
-    write(1u << quotient, quotient + 1);
-    write(value & ((1u << k) - 1), k);
+  /// A number that no class has.
+  void escaped(uint32_t value) {
+    write(0, kUnaryEscape);
+    write(value, 32);
   }
 
   /// Fills the last byte with zeros.
@@ -69,8 +69,9 @@ class BitWriter {
  private:
   void emit(uint32_t bytes) {
     const uint64_t word = little_endian(held_);
-    const auto* const first = reinterpret_cast<const std::byte*>(&word);
-    out_.insert(out_.end(), first, first + bytes);
+    const size_t end = out_.size();
+    out_.resize(end + bytes);
+    std::memcpy(out_.data() + end, &word, bytes);
     held_ >>= 8 * bytes;
     bits_ -= 8 * bytes;
   }
@@ -137,15 +138,15 @@ class BitReader {
   }
 
   UMBEL_READ_INLINE uint32_t rice(uint32_t k) {
-    ensure(kRiceEscape + k);
+    ensure(kUnaryEscape + k);
     return take_rice(k);
   }
-  /// Where kRiceEscape + k bits are there for sure. It takes no more, or leaves 56.
+  /// Where kUnaryEscape + k bits are there for sure. It takes no more, or leaves 56.
   UMBEL_READ_INLINE uint32_t take_rice(uint32_t k) {
     const auto quotient =
-        static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << kRiceEscape));
-    if (quotient == kRiceEscape) [[unlikely]] {
-      skip(kRiceEscape);
+        static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << kUnaryEscape));
+    if (quotient == kUnaryEscape) [[unlikely]] {
+      skip(kUnaryEscape);
       const uint32_t value = read(32);
       refill();
       return value;
@@ -154,15 +155,25 @@ class BitReader {
     return quotient << k | take(k);
   }
 
-  /// The same where `mask` has all bits, and 0 without a bit read where it has none.
-  UMBEL_READ_INLINE uint32_t take_rice(uint32_t k, uint32_t mask) {
-    const auto quotient =
-        static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << kRiceEscape));
-    if ((quotient & mask) == kRiceEscape) [[unlikely]]
-      return take_rice(k);
-    const auto low = static_cast<uint32_t>((held_ >> (quotient + 1)) & ((uint64_t{1} << k) - 1));
-    skip((quotient + 1 + k) & mask);
-    return (quotient << k | low) & mask;
+  /// A number whose class comes first, one of kUnaryEscape + 1 by their zeros.
+  UMBEL_READ_INLINE uint32_t in_class(const UnaryClass* classes) {
+    const auto next = [&] {
+      return classes[std::countr_zero(held_ | uint64_t{1} << kUnaryEscape)];
+    };
+    UnaryClass of = next();
+    if (of.length > bits_) [[unlikely]] {
+      refill();
+      of = next();
+      if (of.length == UnaryClass::kEscape) {
+        skip(kUnaryEscape);
+        const uint32_t value = read(32);
+        refill();
+        return value;
+      }
+    }
+    const uint32_t value = of.first + (static_cast<uint32_t>(held_ >> of.zeros) & of.mask);
+    skip(of.length);
+    return value;
   }
 
   /// Throws kCorrupt unless what was read ends in the last byte of the input.

@@ -6,6 +6,7 @@
 #include <array>
 
 #include "asset/codec/normal_prediction.hpp"
+#include "asset/codec/remainder_code.hpp"
 #include "asset/codec/vertex_codec.hpp"
 
 namespace umbel::asset {
@@ -21,9 +22,10 @@ struct AttributeCode {
   TwinRule twins = TwinRule::kNothing;
   bool is_geometric = false;  ///< normals: predicted by the triangles
   uint32_t shift = 0;
-  bool has_starts = false;  ///< vertices that start a region have parameters of their own
-  /// Rice parameters by component: of usual vertices, and of those that start a region.
-  std::array<std::array<uint8_t, kMaxComponents>, 2> parameters;
+  bool has_starts = false;  ///< vertices that start a region have codes of their own
+  bool has_kinds = false;   ///< kinds of codes follow the parameters; else they are Rice codes
+  /// By component: of usual vertices, and of those that start a region.
+  std::array<std::array<RemainderCode, kMaxComponents>, 2> codes;
 };
 
 /// A vertex that no active edge led to: the one before is all that predicts it.

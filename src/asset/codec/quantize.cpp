@@ -56,13 +56,12 @@ void put_octahedral(const Vec3& normal, uint32_t bits, int32_t* out) {
 // ---- tangents: an angle in the plane of the decoded normal
 
 /// The tangent plane of a normal: two orthonormal vectors (Duff et al., "Building an Orthonormal
-/// Basis, Revisited", 2017). The normal's integers decide its hemisphere, since floats may round
-/// differently on another machine.
+/// Basis, Revisited", 2017). The integers of the normal, which is `n` once decoded, decide its
+/// hemisphere, since floats may round differently on another machine.
 struct TangentPlane {
   Vec3 u, v;
 };
-TangentPlane plane_of(const int32_t* normal, uint32_t bits) {
-  const Vec3 n = decoded_normal(normal, bits);
+TangentPlane plane_of(const int32_t* normal, uint32_t bits, const Vec3& n) {
   const int64_t sum = std::abs(int64_t{normal[0]}) + std::abs(int64_t{normal[1]});
   const float sign = sum > octahedral_steps(bits) ? -1.0f : 1.0f;
   const float a = -1.0f / (sign + n.z), b = n.x * n.y * a;
@@ -225,7 +224,9 @@ void quantize_one(const AttributeFormat& format, const int32_t* normals, uint32_
       put_octahedral(streams.normals[v], format.bits, out);
     } else if (format.coding == Coding::kAngle) {
       const Vec4& t = streams.tangents[v];
-      out[0] = angle_of(t, plane_of(normals + i * stride, normal_bits), format.bits);
+      const int32_t* const normal = normals + i * stride;
+      const Vec3 n = decoded_normal(normal, normal_bits);
+      out[0] = angle_of(t, plane_of(normal, normal_bits, n), format.bits);
       out[1] = t.w < 0;
     } else if (format.coding == Coding::kSrgb) {
       const Vec4& c = streams.colors[v];
@@ -357,10 +358,12 @@ void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
       geometry.normals.resize(count);
       decode_normals(in, stride, normal_bits, geometry.normals);
     } else if (f.coding == Coding::kAngle) {
-      fill(geometry.tangents, [&](const int32_t* i, Vec4& t) {
-        const int32_t* const normal = i - (at - f.components) + normal_at;
-        t = decoded_tangent(i, plane_of(normal, normal_bits), f.bits);
-      });
+      geometry.tangents.resize(count);
+      for (size_t v = 0; v < count; ++v) {
+        const int32_t* const normal = integers.data() + v * stride + normal_at;
+        const TangentPlane plane = plane_of(normal, normal_bits, geometry.normals[v]);
+        geometry.tangents[v] = decoded_tangent(in + v * stride, plane, f.bits);
+      }
     } else if (f.coding == Coding::kSrgb) {
       const LinearColors linear(f.bits);
       fill(geometry.colors, [&](const int32_t* i, Vec4& c) {

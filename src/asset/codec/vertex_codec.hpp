@@ -96,8 +96,8 @@ void encode_vertices(const VertexFormat& format, std::span<const int32_t> group,
                      const ClusterTriangles& cluster, const KnownVertices& known,
                      std::span<const ComponentRange> ranges, BitWriter& out);
 /// Reads them into `group`, the integers of the group's vertices, row_stride(format) apart, from
-/// its vertex `first` on.
-void decode_vertices(const VertexFormat& format, const ClusterTriangles& cluster,
+/// its vertex `first` on, as version 4 of the file format has them or later ones.
+void decode_vertices(uint32_t version, const VertexFormat& format, const ClusterTriangles& cluster,
                      const KnownVertices& known, std::span<const ComponentRange> ranges,
                      BitReader& in, std::span<int32_t> group, uint32_t first);
 /// Reads those of version 3 of the file format, which has no twins.

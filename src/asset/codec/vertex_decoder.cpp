@@ -12,7 +12,7 @@ struct Column {
   std::span<const ComponentRange> ranges;
 };
 
-/// Which parameters the remainders of a vertex have.
+/// Which codes the remainders of a vertex have.
 enum Kind : uint32_t { kUsual = 0, kStart = 1 };
 
 /// What predicts a vertex: three rows of the group, as offsets.
@@ -50,27 +50,25 @@ struct TwinSources : VertexSources {
   size_t twin_row(uint32_t v) const { return twin[v] * stride; }
 };
 
-/// The Rice codes of a component by kind.
-struct RiceCodes {
-  std::array<uint8_t, 2> parameters{};
-  std::array<uint32_t, 2> masks{};  ///< 0: there is no code
+/// The codes of a component by kind of vertex.
+struct Codes {
+  std::array<const UnaryClass*, 2> classes;
 
-  RiceCodes(uint32_t usual, uint32_t start) {
-    for (const auto& [kind, parameter] : {std::pair{kUsual, usual}, std::pair{kStart, start}})
-      if (parameter != kAllZero)
-        parameters[kind] = static_cast<uint8_t>(parameter), masks[kind] = ~0u;
-  }
+  Codes(const AttributeCode& code, uint32_t component)
+      : classes{unary_classes(code.codes[0][component]).data(),
+                unary_classes(code.codes[1][component]).data()} {}
   UMBEL_READ_INLINE uint32_t take(Kind kind, BitReader& bits) const {
-    return bits.take_rice(parameters[kind], masks[kind]);
+    return bits.in_class(classes[kind]);
   }
 };
 
 /// Reads the vertices of a cluster.
 class ClusterReader {
  public:
-  ClusterReader(const VertexFormat& format, const ClusterTriangles& cluster,
+  ClusterReader(uint32_t version, const VertexFormat& format, const ClusterTriangles& cluster,
                 const KnownVertices& known, BitReader& in, std::span<int32_t> group, uint32_t first)
-      : cluster_(cluster),
+      : version_(version),
+        cluster_(cluster),
         known_(known),
         in_(in),
         stride_(row_stride(format)),
@@ -81,8 +79,7 @@ class ClusterReader {
 
   void read(const Column& column) {
     if (!is_stored(column.ranges)) {
-      for (uint32_t c = 0; c < column.ranges.size(); ++c)
-        for (const uint32_t v : own()) row(v)[column.at + c] = column.ranges[c].lowest;
+      fill_lowest(column);
       return;
     }
     const AttributeCode code = read_code(column);
@@ -91,10 +88,10 @@ class ClusterReader {
     const OwnSources sources{from};
     const TwinSources<false> copies{from, known_.twin.data()};
     if (column.at == 0 && are_fast_positions(column)) {
-      if (code.twins == TwinRule::kAll)
-        read_positions(code, copies);
-      else if (is_plain(code))
+      if (code.twins == TwinRule::kNothing && is_plain(code))
         read_plain_positions(code);
+      else if (code.twins == TwinRule::kAll)
+        read_positions(code, copies);
       else
         read_positions(code, sources);
     } else if (code.twins == TwinRule::kFlags) {
@@ -116,6 +113,13 @@ class ClusterReader {
   bool has_twins() const { return !known_.twin.empty(); }
   int32_t* row(uint32_t v) const { return group_ + first_ + v * stride_; }
 
+  void fill_lowest(const Column& column) {
+    std::array<int32_t, kMaxComponents> lowest;
+    const size_t count = column.ranges.size();
+    for (size_t c = 0; c < count; ++c) lowest[c] = column.ranges[c].lowest;
+    for (const uint32_t v : own()) std::copy_n(lowest.data(), count, row(v) + column.at);
+  }
+
   AttributeCode read_code(const Column& column) {
     AttributeCode code;
     if (column.at == 0)
@@ -128,13 +132,20 @@ class ClusterReader {
     } else {
       code.has_starts = in_.read(1) != 0;
     }
+    code.has_kinds = version_ > 4 && in_.read(1) != 0;
     for (uint32_t c = 0; c < column.ranges.size(); ++c) {
       const bool coded = is_coded(code, column.ranges[c]);
-      const uint32_t usual = coded ? in_.read(kParameterBits) : kAllZero;
-      const uint32_t start = coded && code.has_starts ? in_.read(kParameterBits) : usual;
-      code.parameters[0][c] = static_cast<uint8_t>(usual);
-      code.parameters[1][c] = static_cast<uint8_t>(start);
+      const RemainderCode usual = coded ? read_remainder_code(code) : RemainderCode{kAllZero, 0};
+      code.codes[0][c] = usual;
+      code.codes[1][c] = coded && code.has_starts ? read_remainder_code(code) : usual;
     }
+    return code;
+  }
+
+  RemainderCode read_remainder_code(const AttributeCode& of) {
+    RemainderCode code{static_cast<uint8_t>(in_.read(kParameterBits)), 0};
+    if (of.has_kinds && !code.is_all_zero()) code.kind = static_cast<uint8_t>(in_.read(kKindBits));
+    if (!code.is_valid()) corrupt("an exponential code has a parameter above 15");
     return code;
   }
 
@@ -169,22 +180,14 @@ class ClusterReader {
       read_any(column, code, sources);
   }
 
-  /// The largest parameter for which one refill holds a flag and two remainders.
-  static constexpr uint8_t kShort = (55 - 2 * kRiceEscape) / 2;
-  /// How many bits must be there before a remainder that follows another: none where one refill
-  /// holds a flag and two remainders.
-  static uint32_t bits_between(const AttributeCode& code, size_t count) {
-    const bool are_short = std::ranges::all_of(code.parameters, [&](const auto& p) {
-      return std::all_of(p.begin(), p.begin() + static_cast<ptrdiff_t>(count),
-                         [](uint32_t k) { return k <= kShort || k == kAllZero; });
-    });
-    return are_short ? 0 : kRiceEscape + kAllZero;
-  }
-
-  /// Whether the remainders of positions have short codes, the same for all vertices.
+  /// The largest parameter of Rice codes of which one refill holds two.
+  static constexpr uint32_t kMostPlain = (56 - 2 * kUnaryEscape) / 2;
+  /// Whether positions have such codes, the same for all vertices.
   static bool is_plain(const AttributeCode& code) {
-    const auto& k = code.parameters[0];
-    return !code.has_starts && std::max({k[0], k[1], k[2]}) <= kShort;
+    const auto& usual = code.codes[0];
+    return !code.has_starts && std::all_of(usual.begin(), usual.begin() + 3, [](const auto& of) {
+      return of.kind == 0 && of.parameter <= kMostPlain;
+    });
   }
 
   template <typename Sources>
@@ -201,8 +204,7 @@ class ClusterReader {
       const Source source = sources(v);
       for (uint32_t c = 0; c < column.ranges.size(); ++c) {
         const auto at = [&](size_t offset) { return int64_t{values[offset + c]}; };
-        const uint32_t k = code.parameters[source.kind][c];
-        const uint32_t remainder = k == kAllZero ? 0 : bits.rice(k);
+        const uint32_t remainder = bits.in_class(unary_classes(code.codes[source.kind][c]).data());
         const uint32_t expected =
             column.format.is_smooth
                 ? predicted_smooth(at(source.a), at(source.b))
@@ -221,9 +223,8 @@ class ClusterReader {
     BitReader bits = in_;
     const size_t stride = stride_;
     int32_t *const group = group_, *const mine = group_ + first_;
-    const uint32_t between = bits_between(code, 2);
     const FlatLanes flat(damping_);
-    const std::array codes{codes_of(code, 0), codes_of(code, 1), codes_of(code, 2)};
+    const std::array codes{Codes(code, 0), Codes(code, 1), Codes(code, 2)};
     for (const uint32_t v : own(code)) {
       if (sources.is_copy(v, bits)) {
         store(load(group + sources.twin_row(v)), mine + v * stride);
@@ -232,9 +233,7 @@ class ClusterReader {
       bits.refill();
       const Source source = sources(v);
       const uint32_t r0 = codes[0].take(source.kind, bits);
-      bits.ensure(between);
       const uint32_t r1 = codes[1].take(source.kind, bits);
-      bits.refill();
       const uint32_t r2 = codes[2].take(source.kind, bits);
       const Lanes sum = load(group + source.a) + load(group + source.b);
       store(flat(sum, load(group + source.across)) + unzigzag_lanes(Lanes{r0, r1, r2, 0}),
@@ -249,8 +248,8 @@ class ClusterReader {
     const size_t stride = stride_;
     int32_t* const mine = group_ + first_;
     const FlatLanes flat(damping_);
-    const auto [k0, k1, k2] = std::array<uint32_t, 3>{code.parameters[0][0], code.parameters[0][1],
-                                                      code.parameters[0][2]};
+    const auto parameter = [&](size_t c) { return uint32_t{code.codes[0][c].parameter}; };
+    const uint32_t k0 = parameter(0), k1 = parameter(1), k2 = parameter(2);
     for (const uint32_t v : own(code)) {
       const Predictors p = cluster_.predictors[v];
       bits.refill();
@@ -263,19 +262,14 @@ class ClusterReader {
     in_ = bits;
   }
 
-  static RiceCodes codes_of(const AttributeCode& code, uint32_t c) {
-    return {code.parameters[0][c], code.parameters[1][c]};
-  }
-
   template <bool kSmooth, typename Sources>
   [[gnu::noinline]] void read_pair(const Column& column, const AttributeCode& code,
                                    const Sources sources) {
     BitReader bits = in_;
     int32_t *const values = group_ + column.at, *const mine = values + first_;
     const size_t stride = stride_;
-    const std::array codes{codes_of(code, 0), codes_of(code, 1)};
+    const std::array codes{Codes(code, 0), Codes(code, 1)};
     const FlatLanes flat(damping_);
-    const uint32_t between = bits_between(code, 2);
     for (const uint32_t v : own(code)) {
       bits.refill();
       if (sources.is_copy(v, bits)) {
@@ -284,7 +278,6 @@ class ClusterReader {
       }
       const Source source = sources(v);
       const uint32_t first = codes[0].take(source.kind, bits);
-      bits.ensure(between);
       const uint32_t second = codes[1].take(source.kind, bits);
       const Lanes sum = load_two(values + source.a) + load_two(values + source.b);
       Lanes expected;
@@ -305,9 +298,7 @@ class ClusterReader {
     predict_normals(group_ + first_, static_cast<uint32_t>(stride_), cluster_.triangles,
                     static_cast<uint32_t>(cluster_.predictors.size()), code.shift, steps, normals);
     BitReader bits = in_;
-    const std::array codes{RiceCodes(code.parameters[0][0], code.parameters[0][0]),
-                           RiceCodes(code.parameters[0][1], code.parameters[0][1])};
-    const uint32_t between = bits_between(code, 2);
+    const std::array codes{Codes(code, 0), Codes(code, 1)};
     const size_t stride = stride_;
     int32_t *const values = group_ + column.at, *const mine = values + first_;
     for (const uint32_t v : own()) {
@@ -317,7 +308,6 @@ class ClusterReader {
         continue;
       }
       const uint32_t x_rest = codes[0].take(kUsual, bits);
-      bits.ensure(between);
       const uint32_t y_rest = codes[1].take(kUsual, bits);
       const auto sum = [](int32_t expected, uint32_t rest) {
         return static_cast<int32_t>(static_cast<uint32_t>(expected) +
@@ -333,6 +323,7 @@ class ClusterReader {
     in_ = bits;
   }
 
+  uint32_t version_;  // of the file format
   const ClusterTriangles& cluster_;
   const KnownVertices& known_;
   BitReader& in_;
@@ -345,10 +336,10 @@ class ClusterReader {
 
 }  // namespace
 
-void decode_vertices(const VertexFormat& format, const ClusterTriangles& cluster,
+void decode_vertices(uint32_t version, const VertexFormat& format, const ClusterTriangles& cluster,
                      const KnownVertices& known, std::span<const ComponentRange> ranges,
                      BitReader& in, std::span<int32_t> group, uint32_t first) {
-  ClusterReader reader(format, cluster, known, in, group, first);
+  ClusterReader reader(version, format, cluster, known, in, group, first);
   uint32_t at = 0;
   for (const AttributeFormat& attribute : format.attributes) {
     reader.read({attribute, at, ranges.subspan(at, attribute.components)});

@@ -46,7 +46,7 @@ struct RemainderReader {
   void add(uint32_t component, uint32_t parameter) {
     if (parameter == kAllZero) return;
     codes[count++] = {static_cast<uint8_t>(component), static_cast<uint8_t>(parameter)};
-    are_short = are_short && parameter <= 28 - kRiceEscape;
+    are_short = are_short && parameter <= 28 - kUnaryEscape;
   }
   void read(BitReader& bits) {
     uint32_t i = 0;

@@ -5,12 +5,12 @@
 #include <array>
 #include <cstring>
 
+#include "asset/codec/remainder_code.hpp"
 #include "asset/codec/vertex_codec.hpp"
 
 namespace umbel::asset {
 
-inline constexpr uint32_t kParameterBits = 5, kDampingBits = 2;
-inline constexpr uint32_t kAllZero = 31;  ///< in place of a Rice parameter: every remainder is 0
+inline constexpr uint32_t kDampingBits = 2;
 inline constexpr uint32_t kPositionComponents = 3;
 
 // Sums of 32-bit integers wrap: any file decodes to something, on every machine to the same.

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "asset/codec/attribute_code.hpp"
+#include "asset/codec/choose_code.hpp"
 #include "asset/codec/vertex_decoding.hpp"
 
 namespace umbel::asset {
@@ -37,27 +38,6 @@ int best_damping(const ClusterVertices& in) {
   return static_cast<int>(std::min_element(sums.begin(), sums.end()) - sums.begin());
 }
 
-struct Parameter {
-  uint32_t k;
-  uint64_t bits;  ///< of all remainders
-};
-
-/// The parameter with the shortest code.
-Parameter best_parameter(std::span<const uint32_t> remainders) {
-  uint64_t sum = 0;
-  for (const uint32_t r : remainders) sum += r;
-  if (sum == 0) return {kAllZero, 0};
-  // The best is near the mean's logarithm, or below where outliers have raised the mean.
-  const auto near = static_cast<uint32_t>(std::bit_width(sum / remainders.size()));
-  Parameter best{0, ~uint64_t{0}};
-  for (uint32_t k = near - std::min(near, 4u); k <= std::min(near + 1, kAllZero - 1); ++k) {
-    uint64_t bits = 0;
-    for (const uint32_t r : remainders) bits += rice_bits(r, k);
-    if (bits < best.bits) best = {k, bits};
-  }
-  return best;
-}
-
 /// An attribute of a cluster's vertices: what is left of them once they are predicted.
 class AttributeEncoder {
  public:
@@ -82,10 +62,15 @@ class AttributeEncoder {
       out.write(code.shift, kNormalShiftBits);
     else
       out.write(code.has_starts, 1);
+    out.write(code.has_kinds, 1);
+    const auto write_code = [&](const RemainderCode& of) {
+      out.write(of.parameter, kParameterBits);
+      if (code.has_kinds && !of.is_all_zero()) out.write(of.kind, kKindBits);
+    };
     for (uint32_t c = 0; c < count_; ++c) {
       if (!is_coded(code, ranges_[c])) continue;
-      out.write(code.parameters[0][c], kParameterBits);
-      if (code.has_starts) out.write(code.parameters[1][c], kParameterBits);
+      write_code(code.codes[0][c]);
+      if (code.has_starts) write_code(code.codes[1][c]);
     }
     for (size_t v = 0; v < size(); ++v) write_vertex(v, out);
   }
@@ -152,38 +137,70 @@ class AttributeEncoder {
     code.twins = rule;
     code.is_geometric = geometric;
     code.shift = shift_;
-    code.has_starts = false;
-    uint64_t joint = 0, apart = 0, fixed = 0;
-    std::vector<uint32_t>& list = list_;
-    std::array<uint8_t, kMaxComponents> of_all{};
-    for (uint32_t c = 0; c < count_; ++c) {
-      list.clear();
-      size_t starts = 0;
-      for (const bool start : {false, true}) {
-        starts = list.size();
-        for (size_t v = 0; v < size(); ++v)
-          if (is_predicted(v, rule, geometric) &&
-              (!geometric && starts_region(in_.cluster.predictors[v])) == start)
-            list.push_back(remainders[v * count_ + c]);
+    std::vector<ComponentChoices>& choices = choices_;
+    choices.clear();
+    for (uint32_t c = 0; c < count_; ++c)
+      choices.push_back(choices_of(c, rule, remainders, geometric));
+    for (const bool has_kinds : {false, true})
+      for (const bool has_starts : {false, true}) {
+        if (geometric && has_starts) continue;
+        code.has_kinds = has_kinds;
+        code.has_starts = has_starts;
+        uint64_t bits = bits_of_rest(rule, geometric);
+        for (uint32_t c = 0; c < count_; ++c) bits += take_codes(choices[c], c, code);
+        // They take a little longer to decode.
+        if (has_kinds) bits += bits / kLeastGain;
+        if (bits < least_) least_ = bits, best_ = code;
       }
-      const Parameter all = best_parameter(list);
-      const Parameter usual = best_parameter(std::span(list).first(starts));
-      const Parameter start = best_parameter(std::span(list).subspan(starts));
-      of_all[c] = static_cast<uint8_t>(all.k);
-      code.parameters[0][c] = static_cast<uint8_t>(usual.k);
-      code.parameters[1][c] = static_cast<uint8_t>(start.k);
-      joint += all.bits;
-      apart += usual.bits + start.bits;
-      if (is_coded(code, ranges_[c])) apart += kParameterBits;
-      if (!geometric && in_.is_own(0)) fixed += ranges_[c].bits;
+  }
+
+  /// The best codes of one component's remainders.
+  struct ComponentChoices {
+    CodeChoices all, usual, starts;
+  };
+  ComponentChoices choices_of(uint32_t c, TwinRule rule, std::span<const uint32_t> remainders,
+                              bool geometric) {
+    list_.clear();
+    size_t starts = 0;
+    for (const bool start : {false, true}) {
+      starts = list_.size();
+      for (size_t v = 0; v < size(); ++v)
+        if (is_predicted(v, rule, geometric) &&
+            (!geometric && starts_region(in_.cluster.predictors[v])) == start)
+          list_.push_back(remainders[v * count_ + c]);
     }
-    if (geometric) fixed += kNormalShiftBits;
+    const std::span all(list_);
+    ComponentChoices choices{chooser_.choose(all), {}, {}};
+    if (geometric) return choices;
+    choices.usual = chooser_.choose(all.first(starts));
+    choices.starts = chooser_.choose(all.subspan(starts));
+    return choices;
+  }
+
+  /// Takes the best codes of a component that `code` allows; their bits, and those of what is
+  /// coded.
+  uint64_t take_codes(const ComponentChoices& choices, uint32_t c, AttributeCode& code) const {
+    const auto allowed = [&](const CodeChoices& of) { return code.has_kinds ? of.any : of.rice; };
+    const auto bits_with_code = [&](const CodeChoice& choice) {
+      if (!is_coded(code, ranges_[c])) return choice.bits;
+      const bool has_kind = code.has_kinds && !choice.code.is_all_zero();
+      return choice.bits + kParameterBits + (has_kind ? kKindBits : 0);
+    };
+    const CodeChoice usual = allowed(code.has_starts ? choices.usual : choices.all);
+    const CodeChoice start = code.has_starts ? allowed(choices.starts) : usual;
+    code.codes[0][c] = usual.code;
+    code.codes[1][c] = start.code;
+    return bits_with_code(usual) + (code.has_starts ? bits_with_code(start) : 0);
+  }
+
+  /// Of what takes the same, whatever the codes.
+  uint64_t bits_of_rest(TwinRule rule, bool geometric) const {
+    uint64_t bits = geometric ? kNormalShiftBits : 0;
+    if (!geometric && in_.is_own(0))
+      for (uint32_t c = 0; c < count_; ++c) bits += ranges_[c].bits;
     if (rule == TwinRule::kFlags)
-      for (size_t v = 0; v < size(); ++v) fixed += in_.is_own(v) && in_.has_twin(v);
-    code.has_starts = !geometric && apart < joint;
-    if (!code.has_starts) code.parameters[0] = of_all;
-    const uint64_t bits = fixed + std::min(apart, joint);
-    if (bits < least_) least_ = bits, best_ = code;
+      for (size_t v = 0; v < size(); ++v) bits += in_.is_own(v) && in_.has_twin(v);
+    return bits;
   }
 
   /// Whether a remainder says what the values of a vertex are.
@@ -207,10 +224,13 @@ class AttributeEncoder {
       if (v == 0 && !code.is_geometric)
         out.write(static_cast<uint32_t>(values(0)[c]) - static_cast<uint32_t>(ranges_[c].lowest),
                   ranges_[c].bits);
-      else if (is_coded(code, ranges_[c]) && code.parameters[start][c] != kAllZero)
-        out.rice(remainders[v * count_ + c], code.parameters[start][c]);
+      else if (is_coded(code, ranges_[c]) && !code.codes[start][c].is_all_zero())
+        write_remainder(remainders[v * count_ + c], code.codes[start][c], out);
     }
   }
+
+  // Kinds of codes must save one of so many bits.
+  static constexpr uint64_t kLeastGain = 48;
 
   const ClusterVertices& in_;
   const AttributeFormat& format_;
@@ -218,6 +238,8 @@ class AttributeEncoder {
   std::span<const ComponentRange> ranges_;
   uint32_t shift_ = 0;
   std::vector<uint32_t> remainders_, geometric_, list_;
+  CodeChooser chooser_;
+  std::vector<ComponentChoices> choices_;
   uint64_t least_ = ~uint64_t{0};
   AttributeCode best_;
 };

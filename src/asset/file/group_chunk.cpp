@@ -242,8 +242,8 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
     } else {
       auto twin = std::span(twins).first(cluster.vertex_count);
       if (!decode_twins(in, borders, equal, twin)) twin = {};
-      decode_vertices(format, {mine, all[i].triangles}, {equal, twin}, tables.ranges, in, integers,
-                      first);
+      decode_vertices(tables.version, format, {mine, all[i].triangles}, {equal, twin},
+                      tables.ranges, in, integers, first);
     }
     in.finish();
     dequantize(

@@ -57,7 +57,7 @@ void write_fixed_header(ByteWriter& out, const AssetInfo& info, const Layout& la
                         uint64_t tables_checksum, uint64_t opening_checksum) {
   out.bytes(kMagic.data(), kMagic.size());
   out.u16(kVersionMajor);
-  out.u16(layout.has(kCoarseGroups) ? kVersionMinor : 0);
+  out.u16(kVersionMinor);
   out.u32(kFixedHeaderBytes);
   out.u64(info.file_bytes);
   out.u64(layout.bytes);

@@ -21,9 +21,17 @@ class Bits:
             count += 1
         return count
 
-    def rice(self, k: int) -> int:
-        quotient = self.zeros(16)
-        return self.take(32) if quotient == 16 else quotient << k | self.take(k)
+    def coded(self, k: int, kind: int) -> int:
+        """The code of a parameter and a kind: rice, golomb, or either with 0 apart."""
+        q = self.zeros(16)
+        if q == 16:
+            return self.take(32)
+        if kind >= 2:
+            if q == 0:
+                return 0
+            q -= 1
+        below = 2**k * (2**q - 1 if kind % 2 else q)
+        return (kind >= 2) + below + self.take(k + q if kind % 2 else k)
 
     def below(self, count: int) -> int:
         value = self.take(max(count - 1, 0).bit_length())
@@ -233,8 +241,8 @@ def fold(u: int, v: int, steps: int) -> tuple[int, int]:
     return signed(-x if u < 0 else x), signed(-y if v < 0 else y)
 
 
-def remainder_of(bits: Bits, k: int) -> int:
-    r = 0 if k == 31 else bits.rice(k)
+def remainder_of(bits: Bits, k: int, kind: int = 0) -> int:
+    r = 0 if k == 31 else bits.coded(k, kind)
     return r // 2 if r % 2 == 0 else -(r + 1) // 2
 
 
@@ -244,13 +252,20 @@ def predict(attribute: Attribute, damping: int, a: int, b: int, across: int) -> 
     return a + b - across - damping * (a + b - 2 * across) // 16
 
 
-class Cluster4:
+class Cluster:
     """Reads the vertices of a cluster into the rows of its group, attribute by attribute."""
 
     def __init__(
-        self, bits: Bits, walk: Walk, rows: list, equal: dict, twins: dict, has_twins: bool
+        self,
+        major: int,
+        bits: Bits,
+        walk: Walk,
+        rows: list,
+        equal: dict,
+        twins: dict,
+        has_twins: bool,
     ):
-        self.has_twins = has_twins
+        self.major, self.has_twins = major, has_twins
         self.bits, self.walk, self.rows, self.equal, self.twins = bits, walk, rows, equal, twins
         self.base = len(rows)
         self.damping = bits.take(2)
@@ -275,32 +290,40 @@ class Cluster4:
             normals = predict_normals(self.walk.triangles, positions, take(4), steps)
         else:
             starts = take(1) == 1
-        parameters = []
+        kinds = self.major > 4 and take(1) == 1
+        codes = []
         for _, width in ranges:
-            usual = take(5) if width > 0 or geometric else 31
-            start = take(5) if starts and width > 0 else usual
-            parameters.append((usual, start))
+            usual = self.code(kinds) if width > 0 or geometric else (31, 0)
+            start = self.code(kinds) if starts and width > 0 else usual
+            codes.append((usual, start))
         for v in self.own:
             row, twin = rows[base + v], self.twins.get(base + v)
             if twin is not None and ruled and (all_twins or take(1)):
                 row += rows[twin][at : at + len(ranges)]
             elif geometric:
                 u, w, lower = normals[v]
-                u = signed(u + remainder_of(self.bits, parameters[0][0]))
-                w = signed(w + remainder_of(self.bits, parameters[1][0]))
+                u = signed(u + remainder_of(self.bits, *codes[0][0]))
+                w = signed(w + remainder_of(self.bits, *codes[1][0]))
                 row += fold(u, w, steps) if lower else (u, w)
             elif v == 0:
                 row += [signed(lowest + take(width)) for lowest, width in ranges]
             else:
                 parents = self.walk.parents[v]
                 a, b, across = (rows[base + parent] for parent in parents)
-                for i, k in enumerate(parameters, at):
+                for i, code in enumerate(codes, at):
                     start = parents[0] == parents[1]
                     predicted = predict(attribute, self.damping, a[i], b[i], across[i])
-                    row.append(signed(predicted + remainder_of(self.bits, k[start])))
+                    row.append(signed(predicted + remainder_of(self.bits, *code[start])))
+
+    def code(self, has_kind: bool) -> tuple[int, int]:
+        k = self.bits.take(5)
+        kind = self.bits.take(2) if has_kind and k != 31 else 0
+        assert k < 16 or k == 31 or kind % 2 == 0
+        return k, kind
 
 
 def read_vertices(
+    major: int,
     bits: Bits,
     walk: Walk,
     attributes: list[Attribute],
@@ -311,7 +334,7 @@ def read_vertices(
     has_twins: bool,
 ) -> None:
     """Appends the integers of a cluster's vertices to those of its group."""
-    cluster, at = Cluster4(bits, walk, rows, equal, twins, has_twins), 0
+    cluster, at = Cluster(major, bits, walk, rows, equal, twins, has_twins), 0
     for attribute in attributes:
         cluster.read(attribute, at, ranges[at : at + attribute.components])
         at += attribute.components

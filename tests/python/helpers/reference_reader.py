@@ -84,7 +84,7 @@ def tables_3(part: bytes, components: int, clusters: int, references: int) -> tu
 
 
 def tables_4(part: bytes, components: int, clusters: int, references: int) -> tuple:
-    """The same, of version 4, with records as version 3 has them."""
+    """The same, since version 4, with records as version 3 has them."""
     before = 32 * references
     bits = Bits(part[before:])
     ranges = [(signed(bits.take(32)), bits.take(6)) for _ in range(components)]
@@ -131,7 +131,7 @@ class Reader:
         self.data = data = path.read_bytes()
         assert data[:8] == b"\xabUMBL\r\n\x1a"
         self.major, _, size, file_bytes, head_bytes = struct.unpack_from("<HHIQQ", data, 8)
-        assert self.major in (3, 4)
+        assert self.major in (3, 4, 5)
         assert file_bytes == len(data)
         (count,) = struct.unpack_from("<I", data, 40)
         self.sections = {}
@@ -208,8 +208,8 @@ class Reader:
                 read_vertices_3(bits, walk, attributes, ranges, rows, equal)
             else:
                 twins = borders.read_twins(bits, equal)
-                has_twins = borders.has_twins
-                read_vertices(bits, walk, attributes, ranges, rows, equal, twins, has_twins)
+                of = (self.major, bits, walk, attributes, ranges, rows, equal, twins)
+                read_vertices(*of, borders.has_twins)
             assert 0 <= bits.left < 8
             assert bits.value == 0
             values = decode_values(np.array(rows[first:], np.int64), attributes)

@@ -186,8 +186,8 @@ def main() -> None:
     umbel.export_tiles(folder / "planet.umbel", folder / "planet_tiles", tile_triangles=8192)
     make_textured(folder)
     make_forest(folder)
-    for path in (ROOT / "tests" / "vectors" / "format3").glob("*.umbel"):
-        copy = folder / f"format3_{path.name}"
+    for path in (ROOT / "tests" / "vectors").glob("format*/*.umbel"):
+        copy = folder / f"{path.parent.name}_{path.name}"
         shutil.copyfile(path, copy)
         dump(copy)
     for name in REAL:

@@ -1,9 +1,12 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
 
+#include "asset/codec/remainder_code.hpp"
 #include "asset/codec/vertex_codec.hpp"
+#include "asset/file/format.hpp"
 #include "asset/same_geometry.hpp"
 #include "asset/scratch.hpp"
 #include "asset/synthetic_dag.hpp"
@@ -44,7 +47,7 @@ size_t expect_same(const VertexFormat& format, std::span<const int32_t> integers
   KnownVertices to_decode = known;
   if (std::ranges::all_of(known.twin, [](uint32_t twin) { return twin == kNone; }))
     to_decode.twin = {};
-  decode_vertices(format, cluster, to_decode, ranges, in, group, count);
+  decode_vertices(kVersionMajor, format, cluster, to_decode, ranges, in, group, count);
   EXPECT_NO_THROW(in.finish());
   for (uint32_t v = 0; v < count; ++v)
     EXPECT_TRUE(std::equal(&integers[size_t{v} * width], &integers[size_t{v} * width] + width,
@@ -152,6 +155,61 @@ TEST(VertexCodec, stores_values_of_twins_once) {
   const size_t once =
       expect_same(format, integers, {made.predictors, made.triangles}, {none, twin}, ranges);
   EXPECT_LT(10 * once, 6 * all);
+}
+
+TEST(VertexCodec, stores_boxes_along_the_axes_in_fewer_bits_than_turned_ones) {
+  const VertexFormat format = make_format({{kPositions, Coding::kGrid, 0, 1.0f}});
+  std::vector<int32_t> along, turned;
+  std::vector<Predictors> predictors;
+  std::mt19937 random(7);
+  for (uint8_t box = 0; box < 16; ++box) {
+    const std::array<int32_t, 3> at{int32_t(random() % 999), int32_t(random() % 999),
+                                    int32_t(random() % 999)};
+    for (uint32_t corner = 0; corner < 8; ++corner) {
+      const int32_t x = at[0] + ((corner & 1) != 0 ? 300 : 0);
+      const int32_t y = at[1] + ((corner & 2) != 0 ? 410 : 0);
+      const int32_t z = at[2] + ((corner & 4) != 0 ? 520 : 0);
+      for (const int32_t value : {x, y, z}) along.push_back(value);
+      for (const int32_t value : {x + y, y + z, z - x}) turned.push_back(value);
+      const uint32_t before = std::max(8u * box + corner, 1u) - 1;
+      predictors.push_back(predictors_of(before, before, before));
+    }
+  }
+  const std::vector<uint32_t> none(predictors.size(), kNone);
+  const std::vector<ComponentRange> ranges(3, {-2048, 13});
+  const auto bytes = [&](std::span<const int32_t> integers) {
+    return expect_same(format, integers, {predictors, {}}, {none, none}, ranges);
+  };
+  EXPECT_LT(4 * bytes(along), 3 * bytes(turned));
+}
+
+TEST(VertexCodec, refuses_codes_that_cannot_be) {
+  const VertexFormat format = make_format({{kPositions, Coding::kGrid, 0, 1.0f}});
+  const std::vector<ComponentRange> ranges(3, {0, 8});
+  const std::vector<Predictors> predictors(1, predictors_of(0, 0, 0));
+  const std::vector<uint32_t> none(1, kNone);
+  for (const uint32_t parameter : {15u, 16u, 30u, 31u}) {
+    std::vector<std::byte> bytes;
+    BitWriter out(bytes);
+    out.write(0, 2);  // damping
+    out.write(0, 1);  // starts
+    out.write(1, 1);  // kinds
+    for (int c = 0; c < 3; ++c) {
+      out.write(parameter, kParameterBits);
+      if (parameter != kAllZero) out.write(RemainderCode::kExponential, kKindBits);
+    }
+    for (int c = 0; c < 3; ++c) out.write(0, 8);
+    out.finish();
+    BitReader in(bytes);
+    std::vector<int32_t> group(4);
+    const auto decode = [&] {
+      decode_vertices(kVersionMajor, format, {predictors, {}}, {none, {}}, ranges, in, group, 0);
+    };
+    if (parameter == 16 || parameter == 30)
+      EXPECT_THROW(decode(), Error) << parameter;
+    else
+      EXPECT_NO_THROW(decode()) << parameter;
+  }
 }
 
 TEST(VertexFormat, refuses_what_cannot_be) {

@@ -34,15 +34,25 @@ export class BitReader {
     return value;
   }
 
-  /** Reads a Rice code of parameter `k`; 16 zeros escape to a plain number of 32 bits. */
-  rice(k: number): number {
+  /**
+   * Reads a number whose class comes first, in unary; 16 zeros escape to a plain number of 32 bits.
+   * @param k bits of the first class
+   * @param kind 0: all classes have as many, a Rice code; 1: each has one more than that before it,
+   *     an exponential Golomb code; 2 and 3: the same, but 0 is a class of its own before the others
+   */
+  coded(k: number, kind: number): number {
     const word = this.peek() | 0x10000;
-    const quotient = 31 - Math.clz32(word & -word);
-    if (quotient === 16) {
+    const zeros = 31 - Math.clz32(word & -word);
+    if (zeros === 16) {
       this.at += 16;
       return this.take(32);
     }
-    this.at += quotient + 1;
-    return ((quotient << k) | this.take(k)) >>> 0;
+    this.at += zeros + 1;
+    const apart = kind >> 1;
+    if (zeros < apart) return 0;
+    const number = zeros - apart;
+    const grows = kind & 1;
+    const before = grows ? (1 << number) - 1 : number;
+    return (apart + (before << k) + this.take(k + grows * number)) >>> 0;
   }
 }

@@ -162,6 +162,7 @@ export class GroupReader {
         equal,
         twin: twins.twin,
         anyTwin: twins.any,
+        hasKinds: this.header.fixed.major > 4,
       });
   }
 

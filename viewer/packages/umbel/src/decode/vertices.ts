@@ -1,5 +1,5 @@
 // Decodes the vertices of a cluster: integers, each the sum of a prediction from earlier vertices and
-// a residual in a Rice code, attribute by attribute. The prediction is the parallelogram of Touma and
+// a residual in a code of its own, attribute by attribute. The prediction is the parallelogram of Touma and
 // Gotsman ("Triangle Mesh Compression", 1998), damped, or a mean, or of normals the triangles'.
 // docs/format.md specifies it under "A cluster's data".
 
@@ -9,13 +9,15 @@ import type { BitReader } from "./bit_reader.js";
 import type { ComponentRanges } from "./chunk_tables.js";
 import { folded, NormalPredictor } from "./normal_prediction.js";
 
-/** The Rice parameter of a component whose residuals are all zero. */
+/** In place of a parameter: the component's residuals are all zero. */
 export const ALL_ZERO = 31;
 /** What a vertex's twin tells of an attribute: nothing, all values, or what a bit says. */
 const NOTHING = 0;
 const ALL = 1;
 const FLAGS = 2;
-/** The Rice parameters of each component, of usual vertices and of those that start a region. */
+/** The codes of each component, of usual vertices and of those that start a region: a parameter and
+ * a kind from KIND_AT on. */
+const KIND_AT = 5;
 const usual = new Uint8Array(MAX_COMPONENTS);
 const starts = new Uint8Array(MAX_COMPONENTS);
 const normals = new NormalPredictor();
@@ -34,8 +36,17 @@ export function predict(
     : sum - across - Math.floor((damping * (sum - 2 * across)) / 16);
 }
 
-function residual(bits: BitReader, k: number): number {
-  const r = k === ALL_ZERO ? 0 : bits.rice(k);
+/** Reads a code. Those of exponential Golomb codes have parameters below 16. */
+function readCode(bits: BitReader, hasKinds: boolean): number {
+  const k = bits.take(5);
+  if (!hasKinds || k === ALL_ZERO) return k;
+  const kind = bits.take(2);
+  if ((kind & 1) === 1 && k > 15) corrupt(`an exponential code has the parameter ${k}`);
+  return k | (kind << KIND_AT);
+}
+
+function residual(bits: BitReader, code: number): number {
+  const r = code === ALL_ZERO ? 0 : bits.coded(code & ALL_ZERO, code >> KIND_AT);
   return (r >>> 1) ^ -(r & 1);
 }
 
@@ -57,6 +68,8 @@ export interface ClusterRows {
   /** The one that has its position, or -1, and whether any vertex of the cluster has one. */
   twin: Int32Array;
   anyTwin: boolean;
+  /** Whether codes may be other than Rice's: since version 5. */
+  hasKinds: boolean;
 }
 
 /** Writes the rows of a cluster's vertices. */
@@ -114,10 +127,11 @@ function decodeAttribute(
     normals.predict(rows, stride, indices, from, to, first, count, bits.take(4), steps);
   }
   const hasStarts = !isGeometric && bits.take(1) === 1;
+  const hasKinds = cluster.hasKinds && bits.take(1) === 1;
   for (let i = at; i < end; ++i) {
     const isCoded = isGeometric || ranges.bits[i] > 0;
-    usual[i] = isCoded ? bits.take(5) : ALL_ZERO;
-    starts[i] = isCoded && hasStarts ? bits.take(5) : usual[i];
+    usual[i] = isCoded ? readCode(bits, hasKinds) : ALL_ZERO;
+    starts[i] = isCoded && hasStarts ? readCode(bits, hasKinds) : usual[i];
   }
   for (let v = 0; v < count; ++v) {
     if (equal[first + v] >= 0) continue;
@@ -136,11 +150,11 @@ function decodeAttribute(
       const a = (first + predictors[3 * v]) * stride;
       const b = (first + predictors[3 * v + 1]) * stride;
       const across = (first + predictors[3 * v + 2]) * stride;
-      const parameters = a === b ? starts : usual;
+      const codes = a === b ? starts : usual;
       for (let i = at; i < end; ++i)
         rows[row + i] =
           predict(attribute.isSmooth, damping, rows[a + i], rows[b + i], rows[across + i]) +
-          residual(bits, parameters[i]);
+          residual(bits, codes[i]);
     }
   }
 }

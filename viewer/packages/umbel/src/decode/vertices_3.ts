@@ -46,7 +46,7 @@ export function decodeVertices3(
     const b = (first + predictors[3 * v + 1]) * stride;
     const opposite = (first + predictors[3 * v + 2]) * stride;
     for (let i = 0; i < stride; ++i) {
-      const residual = parameters[i] === ALL_ZERO ? 0 : bits.rice(parameters[i]);
+      const residual = parameters[i] === ALL_ZERO ? 0 : bits.coded(parameters[i], 0);
       const predicted = predict(smooth[i], damping, rows[a + i], rows[b + i], rows[opposite + i]);
       rows[row + i] = predicted + ((residual >>> 1) ^ -(residual & 1));
     }
