@@ -370,6 +370,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="all of them by default")
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/images"))
     given = parser.parse_args()
+    given.output.mkdir(parents=True, exist_ok=True)
     for name in given.names or FIGURES:
         (given.output / f"{name}.svg").write_text(FIGURES[name]().svg(), encoding="utf-8")
 
