@@ -110,3 +110,16 @@ def test_costs_and_bits_count_in_units(built: Built, hill: Path, tmp_path: Path)
     assert info["normal_bits"] == 8
     assert info["metadata"]["config"]["overlap_cost"] == 1
     assert umbel.verify(tmp_path / "b.umbel").ok
+
+
+def test_flags_that_units_do_not_have_are_named(
+    umbel_command: Umbel, hill: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "a.umbel"
+    done = umbel_command("build", hill, "-o", output, *UNIT, "--lock-borders")
+    assert done.status == 1
+    assert "--unit-triangles builds unit by unit, where --lock-borders is not possible" in done.err
+    (tmp_path / "a.umbel.work").mkdir()
+    done = umbel_command("build", hill, "-o", output, "--resume", "--precision", "16bits")
+    assert done.status == 1
+    assert "begun unit by unit, where --precision is not possible" in done.err

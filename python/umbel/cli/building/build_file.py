@@ -160,7 +160,11 @@ def in_units(sources: Sequence[str], output: Path, options: Options, limits: Lim
         fail(f"{source}: units are built of files, not of addresses; fetch it first")
     if len(sources) > 1:
         fail(f"several files as one mesh are built unit by unit, where {flag} is not possible")
-    if wanted or begun or limits.memory is not None:
+    if wanted:
+        fail(f"{source}: --unit-triangles builds unit by unit, where {flag} is not possible")
+    if begun:
+        fail(f"{source}: this build was begun unit by unit, where {flag} is not possible")
+    if limits.memory is not None:
         fail(f"{source} does not fit into that memory, and {flag} is not possible unit by unit")
     return False
 
