@@ -74,7 +74,7 @@ enum class KmeansDistance : uint32_t {
 };
 
 struct KmeansConfig {
-  uint32_t clusters = 8;    ///< k, 2..64
+  uint32_t clusters = 8;    ///< k, 2..1024; 64 in k-ary trees
   uint32_t candidates = 5;  ///< p, 1..64: the best of p becomes the next representative
   uint32_t iterations = 2;  ///< i, 0..100 Lloyd iterations
   KmeansDistance distance = KmeansDistance::kEuclidean;

@@ -49,8 +49,8 @@ struct ClusterConfig {
   float vertex_underfill_cost = 0.5f;  ///< [0, 1]: penalty for too few vertices
   /// Nodes with more items than this are split at the median without a sweep; 0: never.
   uint32_t presplit_threshold = 0;
-  /// Split by groups of neighbours and at few positions instead of all legal ones: 2 to 3 times
-  /// as fast, with boxes a tenth larger and a little less full clusters.
+  /// Split by groups of neighbours and at few positions instead of all legal ones: about twice as
+  /// fast, with boxes a seventh larger and a little less full clusters.
   bool coarse = false;
 };
 

@@ -3,11 +3,17 @@
 //
 //   umbel_asset* asset;
 //   if (umbel_asset_open("dragon.umbel", &asset) != UMBEL_OK) puts(umbel_last_error());
+//   umbel_asset_info info;
+//   umbel_asset_info_init(&info);
+//   umbel_asset_get_info(asset, &info);
 //   umbel_residency* residency;
 //   umbel_residency_create(asset, NULL, &residency);
-//   const umbel_vec3 local = umbel_relative_to(info.origin, eye);    // in the mesh's space
-//   umbel_stream_view view = {0};                                    // the first mesh
-//   umbel_lod_view_camera(&local.x, fov_y, height, 1, &view.view);   // errors of a pixel
+//   const umbel_vec3 local = umbel_relative_to(info.origin, eye);  // in the mesh's space
+//   const float eye_in_mesh[3] = {local.x, local.y, local.z};
+//   umbel_stream_view view = {0};                                  // the first mesh
+//   umbel_lod_view_camera(eye_in_mesh, fov_y, height, 1, &view.view);  // errors of a pixel
+//   umbel_stream_step step;
+//   umbel_stream_step_init(&step);
 //   umbel_residency_step(residency, &view, 1, seconds, &step);     // each frame
 //   umbel_residency_cut(residency, clusters, capacity, &count);    // what to draw
 //   umbel_residency_cluster(residency, &clusters[i], &geometry);
