@@ -1,4 +1,7 @@
-"""Primitives compressed by KHR_draco_mesh_compression, decoded with DracoPy."""
+"""Primitives compressed by KHR_draco_mesh_compression, decoded with DracoPy.
+
+Attributes that the extension does not name are read from their accessors.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,7 @@ from umbel.io.gltf.buffers import Buffers, Json
 def read_draco(
     primitive: Json, extension: Json, buffers: Buffers, name: str
 ) -> tuple[dict[str, NDArray[Any]], UInt32Array]:
-    """The attributes of a primitive and its corners (3 a triangle)."""
-    from umbel.io.gltf.reader import check_attributes
-
+    """The attributes that are compressed and the corners (3 a triangle)."""
     where = buffers.where
     try:
         import DracoPy
@@ -38,12 +39,8 @@ def read_draco(
         values = np.asarray(by_id[unique_id]["data"])
         values = values.reshape(len(values), -1)
         out[semantic] = _as_declared(values, semantic, primitive, buffers, name)
-    uncompressed = {
-        k: v for k, v in primitive["attributes"].items() if k not in out and k == "POSITION"
-    }
-    if uncompressed:
+    if "POSITION" not in out:
         raise Error(f"{where}: {name} has no Draco attribute for POSITION")
-    check_attributes(out, where, name)
     _check_counts(
         primitive, {**{k: len(v) for k, v in out.items()}, "indices": faces.size}, buffers
     )

@@ -193,7 +193,8 @@ class _Reader:
                 self.buffers.item("materials", material, name)
             if mode == _TRIANGLES and len(corners) % 3:
                 self.lost.append(f"indices of {name} after the last whole triangle")
-            triangles = _triangulated(corners, mode)
+            is_draco = _DRACO in (primitive.get("extensions") or {})
+            triangles = _triangulated(corners, _TRIANGLES if is_draco else mode)
             ids = np.full(len(triangles), NO_MATERIAL if material is None else material, np.uint32)
             parts.append((block, triangles, ids if self.materials else None))
         if not parts:
@@ -222,10 +223,10 @@ class _Reader:
         if draco is not None:
             from umbel.io.gltf.draco import read_draco
 
-            arrays, corners = read_draco(primitive, draco, self.buffers, name)
+            decoded, corners = read_draco(primitive, draco, self.buffers, name)
         else:
-            arrays = {} if key in shared else self._attributes(primitive["attributes"], name)
-            corners = None
+            decoded, corners = {}, None
+        arrays = {} if key in shared else self._attributes(primitive["attributes"], name, decoded)
         if key not in shared:
             if targets:
                 _apply_morph(arrays, targets, weights, self.buffers, name)
@@ -240,9 +241,14 @@ class _Reader:
                 corners = np.arange(len(blocks[shared[key]].positions), dtype=np.uint32)
         return shared[key], corners
 
-    def _attributes(self, attributes: Json, name: str) -> dict[str, NDArray[Any]]:
-        out: dict[str, NDArray[Any]] = {}
+    def _attributes(
+        self, attributes: Json, name: str, decoded: dict[str, NDArray[Any]]
+    ) -> dict[str, NDArray[Any]]:
+        """The attributes of a primitive; `decoded` are those that Draco holds."""
+        out = dict(decoded)
         for semantic, accessor in attributes.items():
+            if semantic in decoded:
+                continue
             user = f"{name}.{semantic}"
             if semantic in _WIDTHS or semantic.startswith(("COLOR_0", "TEXCOORD_", "WEIGHTS_")):
                 out[semantic] = self.buffers.floats(accessor, user)

@@ -68,3 +68,27 @@ def test_draco_gives_the_mesh_that_was_encoded(tmp_path: Path, keep_order: bool)
     assert sorted(map(sorted, nearest[mesh.triangles].tolist())) == sorted(
         map(sorted, triangles.tolist())
     )
+
+
+@pytest.mark.parametrize("mode", [4, 5])
+def test_attributes_beside_draco_are_read(tmp_path: Path, mode: int) -> None:
+    DracoPy = pytest.importorskip("DracoPy")
+    positions, triangles = bumpy_sphere()
+    packed = DracoPy.encode(positions, triangles, quantization_bits=16, preserve_order=True)
+    n = len(positions)
+    colors = np.random.default_rng(5).random((n, 4)).astype(np.float32)
+    b = GltfBuilder()
+    entry = {"componentType": 5126, "type": "VEC3", "count": n}
+    primitive = {
+        "attributes": {"POSITION": b.add("accessors", entry), "COLOR_0": b.accessor(colors)},
+        "mode": mode,
+        "extensions": {
+            "KHR_draco_mesh_compression": {
+                "bufferView": b.view(packed),
+                "attributes": {"POSITION": 0},
+            }
+        },
+    }
+    mesh = read(tmp_path, one(primitive, builder=b))
+    assert np.array_equal(mesh.colors, colors)
+    assert np.array_equal(mesh.triangles, triangles)  # also of a strip: Draco holds triangles
