@@ -138,7 +138,7 @@ def _of_gltf(text: bytes) -> Iterator[str]:
     except (AttributeError, RecursionError, TypeError, ValueError):
         return
     for uri in uris:
-        if isinstance(uri, str) and not uri.startswith("data:"):
+        if isinstance(uri, str) and uri[:5].lower() != "data:":
             yield urllib.parse.unquote(uri.removeprefix("file://"))
 
 

@@ -13,7 +13,7 @@ from umbel.io.blocks.layout import Column, Extra, Layout
 from umbel.io.coordinates import GLTF as COORDINATES
 from umbel.io.files import GZIP, read_head
 from umbel.io.folder import Folder
-from umbel.io.gltf.buffers import Buffers, Json, glb_ranges, parse_json
+from umbel.io.gltf.buffers import Buffers, Json, glb_ranges, is_data_uri, parse_json
 from umbel.io.gltf.images import texture_reader
 from umbel.io.gltf.losses import losses, missing_textures, unknown_names
 from umbel.io.gltf.materials import read_material
@@ -179,7 +179,7 @@ class _Plan:
             if self.binary is None or index != 0 or length > self.binary[1]:
                 raise _Whole
             return self.path, self.binary[0], length
-        if not isinstance(uri, str) or uri.startswith("data:"):
+        if not isinstance(uri, str) or is_data_uri(uri):
             raise _Whole
         path = self.folder.find_uri(uri)
         if read_head(path).startswith(GZIP) or path.stat().st_size < length:

@@ -140,7 +140,7 @@ class Buffers:
             if self._binary is None or index != 0:
                 raise Error(f"{self.where}: {name} has no data")
             data = self._binary
-        elif isinstance(uri, str) and uri.startswith("data:"):
+        elif is_data_uri(uri):
             data = data_uri(uri, f"{self.where}: {name}")
         elif isinstance(uri, str):
             data = self._external(uri, name)
@@ -315,11 +315,16 @@ def _extension(entry: Json, names: tuple[str, ...]) -> Json | None:
     return None
 
 
+def is_data_uri(uri: Any) -> bool:
+    """Whether a URI is the data themselves; schemes are of any case."""
+    return isinstance(uri, str) and uri[:5].lower() == "data:"
+
+
 def data_uri(uri: str, what: str) -> bytes:
     """What a data URI holds."""
     head, _, body = uri.partition(",")
     try:
-        if head.endswith(";base64"):
+        if head.lower().endswith(";base64"):
             packed = b"".join(urllib.parse.unquote_to_bytes(body).split())
             return base64.b64decode(packed, validate=True)
         return urllib.parse.unquote_to_bytes(body)

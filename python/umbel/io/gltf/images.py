@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from umbel.errors import Error
-from umbel.io.gltf.buffers import Buffers, Json, data_uri
+from umbel.io.gltf.buffers import Buffers, Json, data_uri, is_data_uri
 from umbel.io.gltf.textures import Source, TextureReader
 
 
@@ -22,7 +22,7 @@ def texture_reader(
 def _source(entry: Json, buffers: Buffers, lost: list[str], view: Callable[[int], bytes]) -> Source:
     uri = entry.get("uri")
     try:
-        if isinstance(uri, str) and uri.startswith("data:"):
+        if is_data_uri(uri):
             return data_uri(uri, "an image"), None
         if isinstance(uri, str) and buffers.folder is not None:
             return None, buffers.folder.find_uri(uri, may_miss=True)

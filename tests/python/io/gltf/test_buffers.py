@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import struct
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,14 @@ def test_data_uris_files_beside_and_names_with_spaces(tmp_path: Path) -> None:
     for text in (b.gltf(), b.gltf("the%20data.bin"), b.gltf("./the data.bin")):
         mesh = read(tmp_path, text, "mesh.gltf")
         assert np.array_equal(corners(mesh), TETRA_POSITIONS[TETRA_TRIANGLES])
+
+
+@pytest.mark.parametrize("head", ["DATA:;base64,", "data:application/gltf-buffer;BASE64,"])
+def test_data_uris_of_any_case(tmp_path: Path, head: str) -> None:
+    b = GltfBuilder()
+    b.scene(b.node(mesh=b.tetra()))
+    mesh = read(tmp_path, b.gltf(head + base64.b64encode(b.data).decode()), "mesh.gltf")
+    assert np.array_equal(corners(mesh), TETRA_POSITIONS[TETRA_TRIANGLES])
 
 
 def test_content_wins_over_the_extension(tmp_path: Path) -> None:
