@@ -16,6 +16,9 @@
 namespace umbel::io {
 namespace {
 
+/// Colours with a larger number are bytes (MOST_BRIGHT in python/umbel/io/colors.py).
+constexpr float kMostBright = 2.0f;
+
 /// Rows of 32-bit words, or of 64-bit ones, in a file that is made with the first of them.
 class RowFile {
  public:
@@ -140,7 +143,7 @@ class Writer final : public ObjSink {
       part.materials.offsets = {12};
     }
     layout.has_materials = !names.empty();
-    part.color_divisor = largest_color_ > 1.0f ? 255.0f : 1.0f;
+    part.color_divisor = largest_color_ > kMostBright ? 255.0f : 1.0f;
     layout.parts.push_back(std::move(part));
     return layout;
   }

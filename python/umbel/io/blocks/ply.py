@@ -24,6 +24,7 @@ from umbel.io.ply.reader import (
     POSITION,
     TANGENT,
     UV,
+    WHOLE_COLORS,
 )
 
 
@@ -103,8 +104,7 @@ def _vertex_columns(vertex: Element, table: int) -> dict[str, Column] | None:
         if not names:
             continue
         types = {properties[name] for name in names}
-        # Floats as colours may mean bytes: only all of them together tell.
-        if len(types) > 1 or (stream == "colors" and types <= {"f4", "f8"}):
+        if len(types) > 1 or (stream == "colors" and not types <= WHOLE_COLORS):
             return None
         unit = stream == "colors"
         columns[stream] = (table, types.pop(), [offsets[name] for name in names], unit)

@@ -12,6 +12,7 @@ import numpy as np
 from umbel import _umbel
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Float32Array, Material, Mesh, area_weighted_normals, unit_normals
+from umbel.io.colors import MOST_BRIGHT
 from umbel.io.folder import Folder
 from umbel.io.obj.mtl import read_mtl
 from umbel.io.scene import Instance, Scene, with_default
@@ -50,7 +51,7 @@ def _text(raw: bytes) -> str:
 
 
 def _colors(colors: Float32Array | None) -> Float32Array | None:
-    if colors is not None and np.nanmax(colors[:, :3], initial=0.0) > 1.0:
+    if colors is not None and np.nanmax(colors[:, :3], initial=0.0) > MOST_BRIGHT:
         colors[:, :3] /= np.float32(255.0)
     return colors
 

@@ -23,6 +23,7 @@ from umbel.geometry.mesh import (
     to_unit_floats,
     unit_normals,
 )
+from umbel.io.colors import MOST_BRIGHT
 from umbel.io.ply.data import Columns, ListColumn, read_tables
 from umbel.io.polygons import fans, strips
 from umbel.io.scene import Instance, Scene
@@ -34,6 +35,8 @@ COLOR = [("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_gre
           "diffuse_blue")]  # fmt: skip
 ALPHA = [("alpha",), ("a",), ("diffuse_alpha",)]
 TANGENT = [("tx", "ty", "tz", "tw")]
+#: Types whose colours run to the largest number. Others may hold bytes; all values together tell.
+WHOLE_COLORS = {"u1", "i1", "u2"}
 INDEX_LISTS = ("vertex_indices", "vertex_index")
 MOST_MATERIALS = 1 << 16
 MATERIAL_ID = ("material_index", "material_id", "material")
@@ -124,10 +127,13 @@ def _vertex_colors(vertex: Columns) -> Float32Array | None:
 
 
 def _unit(values: NDArray[Any]) -> Float32Array:
-    units = to_unit_floats(values)
-    if values.dtype.kind == "f" and len(values) and np.nanmax(units, initial=0.0) > 1.0:
-        units = units / np.float32(255.0)  # bytes that were declared as floats
-    return units
+    if values.dtype.str[1:] not in WHOLE_COLORS and len(values):
+        most = np.nanmax(values, initial=0.0)
+        if values.dtype.kind == "f" and most > MOST_BRIGHT:
+            return values.astype(np.float32) / np.float32(255.0)
+        if values.dtype.kind != "f" and most <= 255:
+            return values.astype(np.float32) / np.float32(255.0)
+    return to_unit_floats(values)
 
 
 def _index_list(columns: Columns, element: str, where: str) -> ListColumn | None:

@@ -267,9 +267,10 @@ f 1/1 3/2 4/2
 
 
 @pytest.mark.filterwarnings("ignore::umbel.LoadWarning")
-def test_obj_of_every_kind_of_corner(tmp_path: Path) -> None:
+@pytest.mark.parametrize("color", ["255 0 0", "1.0001 0.5 0"])
+def test_obj_of_every_kind_of_corner(tmp_path: Path, color: str) -> None:
     path = tmp_path / "a.obj"
-    path.write_text(OBJ)
+    path.write_text(OBJ.replace("255 0 0", color))
     source = open_source(path, tmp_path / "work")
     read, mesh = read_all(source), umbel.load(path)
     assert np.array_equal(read["positions"], mesh.positions[mesh.triangles])

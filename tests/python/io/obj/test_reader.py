@@ -122,6 +122,13 @@ def test_vertex_colours_weights_and_missing_coordinates(tmp_path: Path) -> None:
     assert mesh.uvs[mesh.triangles[0]].tolist() == [[0.5, 0], [1, 1], [0, 0]]
 
 
+def test_colours_a_little_above_one_are_no_bytes(tmp_path: Path) -> None:
+    mesh = read(tmp_path, "v 0 0 0 1.0001 0.5 0\nv 1 0 0 1 1 1\nv 0 1 0 0 0 0\nf 1 2 3\n")
+    assert np.array_equal(mesh.colors[0], np.float32([1.0001, 0.5, 0, 1]))
+    mesh = read(tmp_path, "v 0 0 0 255 51 0\nv 1 0 0 0 0 0\nv 0 1 0 0 0 0\nf 1 2 3\n")
+    assert np.array_equal(mesh.colors[0], np.float32([1, 0.2, 0, 1]))
+
+
 def test_corners_without_a_normal_get_one(tmp_path: Path) -> None:
     mesh = read(tmp_path, SQUARE + "vn 1 0 0\nf 1//1 2//1 3//1\nf 1 3 4\n")
     assert mesh.normals[mesh.triangles[0]].tolist() == [[1, 0, 0]] * 3

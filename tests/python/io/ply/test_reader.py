@@ -140,6 +140,28 @@ def test_colours_without_alpha_are_opaque_and_floats_stay(tmp_path: Path) -> Non
     assert mesh.colors.tolist() == [[0.25, 0.5, 1.0, 1.0]] * 3
 
 
+@pytest.mark.parametrize(
+    ("kind", "red", "expected"),
+    [
+        ("float", 1.001, 1.001),
+        ("double", 51, 0.2),
+        ("int", 51, 0.2),
+        ("uint", 255, 1.0),
+        ("ushort", 65535, 1.0),
+        ("short", 51, 0.2),
+        ("int", 2**31 - 1, 1.0),
+    ],
+)
+@pytest.mark.parametrize("fmt", FORMATS)
+def test_colours_are_bytes_where_their_type_cannot_tell(
+    tmp_path: Path, fmt: str, kind: str, red: float, expected: float
+) -> None:
+    properties = [*XYZ, (kind, "red"), (kind, "green"), (kind, "blue")]
+    table = [(0, 0, 0, red, 0, 0), (1, 0, 0, 0, 0, 0), (0, 1, 0, 0, 0, 0)]
+    data = ply_bytes([("vertex", properties, table), ("face", FACE, [([0, 1, 2],)])], fmt)
+    assert np.array_equal(read(tmp_path, data).colors[0], np.float32([expected, 0, 0, 1]))
+
+
 @pytest.mark.parametrize("fmt", FORMATS)
 def test_strips_alternate_their_winding_and_restart_at_minus_one(tmp_path: Path, fmt: str) -> None:
     strip = [0, 1, 2, 3, -1, 4, 5, 6, 7, 8, -1, 1, 2]
