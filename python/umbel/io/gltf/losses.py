@@ -35,7 +35,7 @@ def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[
     lost = {name for p in shown for name in _attributes(p.get("attributes") or {})}
     if lost:
         yield f"the attributes {', '.join(sorted(lost, key=_natural))}"
-    yield from _motion(root, meshes, shown)
+    yield from _motion(root, [*meshes, *nodes], shown)
     inside = {e for p in shown for e in p.get("extensions") or {}} - _READ
     if inside | extensions:
         yield ", ".join(sorted(inside | extensions))
@@ -72,10 +72,11 @@ def _natural(name: str) -> tuple[str, int]:
     return name.rstrip("0123456789"), int(found.group()) if found else 0
 
 
-def _motion(root: Json, meshes: list[Json], shown: list[Json]) -> Iterator[str]:
+def _motion(root: Json, weighted: list[Json], shown: list[Json]) -> Iterator[str]:
+    """Of animations and morph targets; `weighted` may have weights of these."""
     targets = max((len(p.get("targets") or []) for p in shown), default=0)
     if targets:
-        used = any(any(mesh.get("weights") or []) for mesh in meshes)
+        used = any(any(entry.get("weights") or []) for entry in weighted)
         note = " (default weights are applied)" if used else ""
         yield (f"{targets} morph targets" if targets > 1 else "a morph target") + note
     animations = len(root.get("animations") or [])

@@ -54,6 +54,8 @@ _LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4}
 _NUMBERED_WIDTHS = {"TEXCOORD": 2, "JOINTS": 4, "WEIGHTS": 4}
+#: How the names of attributes begin that morph targets move.
+_MORPHED = ("POSITION", "NORMAL", "TANGENT", "TEXCOORD_", "COLOR_0")
 MOST_UVS, _MOST_SKIN_SETS = 7, 3
 
 
@@ -335,15 +337,17 @@ def _apply_morph(
 ) -> None:
     for k, (target, weight) in enumerate(zip(targets, weights, strict=False)):
         for semantic, accessor in target.items():
-            if not weight or semantic not in ("POSITION", "NORMAL", "TANGENT"):
-                continue
-            if semantic not in arrays:
+            if not weight or semantic not in arrays or not semantic.startswith(_MORPHED):
                 continue
             delta = buffers.floats(accessor, f"{name}.targets[{k}].{semantic}")
-            if delta.shape != (len(arrays[semantic]), 3):
-                raise Error(f"{buffers.where}: {name}.targets[{k}] does not fit its primitive")
             moved = arrays[semantic].copy()
-            moved[:, :3] += np.float32(weight) * delta
+            width = 3 if semantic == "TANGENT" else moved.shape[1]
+            if semantic == "COLOR_0":  # either may lack alpha
+                width = min(width, max(delta.shape[1], 3))
+                delta = delta[:, :width]
+            if delta.shape != (len(moved), width):
+                raise Error(f"{buffers.where}: {name}.targets[{k}] does not fit its primitive")
+            moved[:, :width] += np.float32(weight) * delta
             arrays[semantic] = moved
 
 

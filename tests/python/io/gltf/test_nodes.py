@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from helpers.gltf_builder import INDICES, GltfBuilder, read, skinned
 from helpers.mesh_files import (
@@ -13,6 +14,7 @@ from helpers.mesh_files import (
     bumpy_sphere,
     signed_volume,
 )
+from umbel.errors import LoadWarning
 from umbel.io import load_scene
 
 
@@ -124,6 +126,20 @@ def test_default_morph_weights_are_applied(tmp_path: Path) -> None:
     positions = read(tmp_path, b).positions
     assert positions[:4].tolist() == [[0, 0, 0], [3, 0, 0], [0, 1, 0], [0, 0, 5]]
     assert np.array_equal(positions[4:], TETRA_POSITIONS)
+
+
+def test_morph_targets_move_colours_and_texture_coordinates(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    half, quarter = np.full((4, 3), 0.5, np.float32), np.full((4, 2), 0.25, np.float32)
+    target = {"COLOR_0": b.accessor(half), "TEXCOORD_0": b.accessor(quarter)}
+    base = {"POSITION": TETRA_POSITIONS, "COLOR_0": np.zeros((4, 4), np.float32),
+            "TEXCOORD_0": quarter}  # fmt: skip
+    mesh = b.mesh(b.primitive(base, INDICES, targets=[target]))
+    b.scene(b.node(mesh=mesh, weights=[0.5]))
+    with pytest.warns(LoadWarning, match="a morph target .default weights are applied"):
+        got = read(tmp_path, b)
+    assert got.colors.tolist() == [[0.25, 0.25, 0.25, 0]] * 4
+    assert got.uvs.tolist() == [[0.375, 0.375]] * 4
 
 
 def test_deep_chains_of_nodes_are_walked(tmp_path: Path) -> None:
