@@ -75,6 +75,7 @@ def glb_ranges(
     if says < length:
         _warn(f"{where}: {length - says} bytes from byte {says} on, its header's end")
     chunks: dict[int, tuple[int, int]] = {}
+    others: list[int] = []
     at = 12
     while at + 8 <= says:
         chunk = read(at, 8)
@@ -82,12 +83,16 @@ def glb_ranges(
         kind = int.from_bytes(chunk[4:], "little")
         if at + 8 + size > says:
             raise Error(f"{where}: the chunk at byte {at} runs past the end of the file")
+        if kind not in (_JSON_CHUNK, _BIN_CHUNK) or kind in chunks:
+            others.append(at)
         chunks.setdefault(kind, (at + 8, size))
         at += 8 + size
     if at != says:
         raise Error(f"{where}, byte {at}: {says - at} bytes are no chunk; the file is corrupt")
     if _JSON_CHUNK not in chunks:
         raise Error(f"{where} has no JSON chunk")
+    if others:
+        _warn(f"{where}: {len(others)} chunks that glTF does not have, from byte {others[0]} on")
     return chunks[_JSON_CHUNK], chunks.get(_BIN_CHUNK)
 
 

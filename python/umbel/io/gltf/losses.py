@@ -12,7 +12,8 @@ Json = dict[str, Any]
 
 _TRIANGLES = (4, 5, 6)
 _PLAIN = {"POSITION", "NORMAL", "TANGENT", "COLOR_0", *(f"TEXCOORD_{k}" for k in range(8))}
-_SKIN = {f"{kind}_{k}" for kind in ("JOINTS", "WEIGHTS") for k in range(3)}
+_UNSIGNED = (5121, 5123, 5125)
+_PLACES = {"TRANSLATION", "ROTATION", "SCALE"}
 _READ = {"KHR_draco_mesh_compression"}
 _SHOWN = 5  # names in a warning
 
@@ -32,16 +33,27 @@ def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[
             else ("a primitive of points or lines")
         )
     shown = [p for p in primitives if p.get("mode", 4) in _TRIANGLES]
-    lost = {name for p in shown for name in _attributes(p.get("attributes") or {})}
+    lost = {name for p in shown for name in _attributes(p.get("attributes") or {}, root)}
     if lost:
         yield f"the attributes {', '.join(sorted(lost, key=_natural))}"
+    of_instances = {name for node in nodes for name in _instanced(node)} - _PLACES
+    if of_instances:
+        yield f"the instances' attributes {', '.join(sorted(of_instances, key=_natural))}"
     yield from _motion(root, [*meshes, *nodes], shown)
-    inside = {e for p in shown for e in p.get("extensions") or {}} - _READ
+    bases = [m.get("pbrMetallicRoughness") or {} for m in root.get("materials") or []]
+    parts = [*shown, *meshes, *(root.get("skins") or []), *bases]
+    inside = {e for part in parts for e in part.get("extensions") or {}} - _READ
     if inside | extensions:
         yield ", ".join(sorted(inside | extensions))
+    for what, holders in (("primitives", shown), ("pbrMetallicRoughness", bases)):
+        if any("extras" in holder for holder in holders):
+            yield f"the extras of {what}"
     scenes = len(root.get("scenes") or [])
     if scenes > 1:
         yield f"{scenes - 1} other scenes" if scenes > 2 else "another scene"
+    idle = len(root.get("meshes") or []) - len(meshes)
+    if idle and scenes <= 1:
+        yield f"{idle} meshes that are not drawn" if idle > 1 else "a mesh that is not drawn"
 
 
 def missing_textures(count: int) -> Iterator[str]:
@@ -58,13 +70,29 @@ def unknown_names(root: Json) -> Iterator[str]:
         yield f"{', '.join(unknown[:_SHOWN])}{more}, which glTF does not have"
 
 
-def _attributes(attributes: Json) -> set[str]:
+def _attributes(attributes: Json, root: Json) -> set[str]:
     """Those that a Mesh cannot hold."""
-    lost = set(attributes) - _PLAIN - _SKIN
-    for kind, most in (("TEXCOORD", 8), ("JOINTS", 3)):
-        sets = [k for k in range(most) if f"{kind}_{k}" in attributes]
-        lost.update(f"{kind}_{k}" for place, k in enumerate(sets) if k != place)
+    lost = set(attributes) - _PLAIN
+    sets = [k for k in range(8) if f"TEXCOORD_{k}" in attributes]
+    lost.update(f"TEXCOORD_{k}" for place, k in enumerate(sets) if k != place)
+    for k in range(3):  # joints and weights, up to the first set that is not whole
+        pair = {f"JOINTS_{k}", f"WEIGHTS_{k}"}
+        if not pair <= set(attributes) or not _is_whole(attributes[f"JOINTS_{k}"], root):
+            break
+        lost -= pair
     return lost
+
+
+def _is_whole(accessor: int, root: Json) -> bool:
+    """Whether an accessor has numbers that joints can have."""
+    known = root.get("accessors") or []
+    return accessor < len(known) and known[accessor].get("componentType") in _UNSIGNED
+
+
+def _instanced(node: Json) -> Json:
+    """The attributes of a node's instances."""
+    extension = (node.get("extensions") or {}).get("EXT_mesh_gpu_instancing") or {}
+    return extension.get("attributes") or {}
 
 
 def _natural(name: str) -> tuple[str, int]:

@@ -1,0 +1,83 @@
+"""What a glTF file holds and a scene cannot is named in one warning."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from helpers.gltf_builder import INDICES, GltfBuilder, one, read
+from helpers.mesh_files import TETRA_POSITIONS
+from umbel.errors import LoadWarning
+
+
+def lost(tmp_path: Path, builder: GltfBuilder) -> str:
+    """What the warning says."""
+    with pytest.warns(LoadWarning, match="left out: ") as caught:
+        read(tmp_path, builder)
+    [warning] = caught
+    return str(warning.message).partition("left out: ")[2]
+
+
+def test_extras_and_extensions_of_primitives_meshes_and_colours(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.root["materials"] = [
+        {"pbrMetallicRoughness": {"extras": {"a": 1}, "extensions": {"EXT_b": {"c": "d"}}}}
+    ]
+    primitive = b.primitive({"POSITION": TETRA_POSITIONS}, INDICES, material=0, extras={"e": 2})
+    mesh = b.mesh(primitive, extensions={"EXT_a": {"f": 3}})
+    b.scene(b.node(mesh=mesh))
+    assert lost(tmp_path, b) == (
+        "EXT_a, EXT_b; the extras of primitives; the extras of pbrMetallicRoughness"
+    )
+
+
+def test_attributes_of_instances(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    moved = np.float32([[0, 0, 0], [2, 0, 0]])
+    attributes = {"TRANSLATION": b.accessor(moved), "_ID": b.accessor(np.float32([7, 8]))}
+    instancing = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    b.scene(b.node(mesh=b.tetra(), extensions=instancing))
+    assert lost(tmp_path, b) == "the instances' attributes _ID"
+
+
+def test_meshes_that_no_node_of_the_scene_has(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.scene(b.node(mesh=b.tetra()))
+    b.node(mesh=b.tetra())
+    assert lost(tmp_path, b) == "a mesh that is not drawn"
+    b.tetra()
+    assert lost(tmp_path, b) == "2 meshes that are not drawn"
+
+
+@pytest.mark.parametrize(
+    ("sets", "names"),
+    [
+        ({"WEIGHTS_0": "f4"}, "WEIGHTS_0"),
+        ({"JOINTS_0": "f4", "WEIGHTS_0": "f4"}, "JOINTS_0, WEIGHTS_0"),
+        ({"JOINTS_0": "u1", "WEIGHTS_0": "f4", "JOINTS_1": "u1"}, "JOINTS_1"),
+        ({"JOINTS_1": "u1", "WEIGHTS_1": "f4"}, "JOINTS_1, WEIGHTS_1"),
+    ],
+)
+def test_joints_and_weights_without_each_other(
+    tmp_path: Path, sets: dict[str, str], names: str
+) -> None:
+    b = GltfBuilder()
+    arrays: dict[str, Any] = {name: np.zeros((4, 4), kind) for name, kind in sets.items()}
+    b = one(b.primitive({"POSITION": TETRA_POSITIONS, **arrays}, INDICES), builder=b)
+    assert lost(tmp_path, b) == f"the attributes {names}"
+
+
+@pytest.mark.parametrize("kind", [b"ABCD", b"BIN\0"])
+def test_chunks_that_gltf_does_not_have(tmp_path: Path, kind: bytes) -> None:
+    b = GltfBuilder()
+    b.scene(b.node(mesh=b.tetra()))
+    data = bytearray(b.glb())
+    place = len(data)
+    data += struct.pack("<I4s4x", 4, kind)
+    data[8:12] = struct.pack("<I", len(data))
+    with pytest.warns(LoadWarning, match=f"1 chunks that glTF does not have, from byte {place} "):
+        assert len(read(tmp_path, bytes(data)).triangles) == 4
