@@ -145,7 +145,7 @@ class _Plan:
         """File, first byte, stride, rows, type, width, and whether integers stand for fractions."""
         accessor = self._accessor(index)
         kind, width = _TYPES.get(accessor["componentType"]), _WIDTHS.get(accessor["type"])
-        unit = bool(accessor.get("normalized", False))
+        unit = bool(accessor.get("normalized", False)) or semantic == "COLOR_0"
         wanted = _STREAMS.get(semantic, ("", "VEC2"))[1] if semantic else "SCALAR"
         if (
             kind is None

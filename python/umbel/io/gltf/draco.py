@@ -69,6 +69,6 @@ def _as_declared(
     if values.dtype.kind == "f":
         return values.astype(np.float32)
     accessor = buffers.item("accessors", primitive["attributes"].get(semantic), name)
-    if accessor.get("normalized"):
+    if accessor.get("normalized") or semantic == "COLOR_0":
         return to_unit_floats(values)
     return values.astype(np.float32)

@@ -253,7 +253,9 @@ class _Reader:
                 continue
             user = f"{name}.{semantic}"
             if semantic in _WIDTHS or semantic.startswith(("COLOR_0", "TEXCOORD_", "WEIGHTS_")):
-                out[semantic] = self.buffers.floats(accessor, user)
+                # Integers of colours are fractions, also in files that do not say so.
+                fractions = True if semantic == "COLOR_0" else None
+                out[semantic] = self.buffers.floats(accessor, user, fractions)
             elif semantic.startswith("JOINTS_"):
                 out[semantic] = self.buffers.array(accessor, user)[0]
         check_attributes(out, self.where, name)

@@ -81,14 +81,15 @@ def test_sparse_accessors_replace_elements(tmp_path: Path, based: bool) -> None:
     assert np.array_equal(mesh.positions, expected)
 
 
+@pytest.mark.parametrize("says", [True, False])
 @pytest.mark.parametrize("width", [3, 4])
 @pytest.mark.parametrize("kind", ["u1", "u2", "f4"])
-def test_colours_of_every_kind(tmp_path: Path, width: int, kind: str) -> None:
+def test_colours_of_every_kind(tmp_path: Path, width: int, kind: str, says: bool) -> None:
     largest = {"u1": 255, "u2": 65535, "f4": 1}[kind]
     rng = np.random.default_rng(4)
     values = (rng.random((4, width)) * largest).astype(kind)
     b = GltfBuilder()
-    color = b.accessor(values, normalized=kind != "f4")
+    color = b.accessor(values, normalized=says and kind != "f4")
     mesh = read(
         tmp_path,
         one(b.primitive({"POSITION": TETRA_POSITIONS, "COLOR_0": color}, INDICES), builder=b),
