@@ -140,7 +140,7 @@ def _is(value: Any, kind: str) -> bool:
     if kind == "number":
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return False
-        return abs(value) < 1e300 if isinstance(value, int) else not math.isnan(value)
+        return abs(value) < 1e300 if isinstance(value, int) else math.isfinite(value)
     return isinstance(value, {"text": str, "flag": bool, "object": dict}[kind])
 
 

@@ -40,6 +40,7 @@ def put(path: str, value: Any) -> Any:
         (put("nodes", [{}, {"children": [2]}, {"children": [1]}]), "its own ancestor"),
         (put("nodes.0.children", [3]), r"refers to nodes\[3\]"),
         (put("nodes.0.matrix", [1, 2, 3]), "matrix that is not 16 numbers"),
+        (put("nodes.0.scale", [1, float("inf"), 1]), r"scale\[1\] should be a number, not inf"),
         (put("nodes.0.scale", "big"), r"nodes\[0\].scale should be an array, not 'big'"),
         (put("scenes.0.nodes", [0, 0]), "twice"),
         (put("scenes.0.nodes", [-1]), r"refers to nodes\[-1\]"),
