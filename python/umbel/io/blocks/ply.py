@@ -14,18 +14,19 @@ from umbel.geometry.mesh import Material
 from umbel.io.blocks.layout import Column, Layout
 from umbel.io.files import GZIP, read_head
 from umbel.io.ply.data import LONGEST_HEADER, Element, read_header
-from umbel.io.ply.reader import (
+from umbel.io.ply.losses import LIST, warn_of_losses
+from umbel.io.ply.names import (
     ALPHA,
     COLOR,
+    CORNER_UVS,
     INDEX_LISTS,
     MATERIAL_ID,
-    MOST_MATERIALS,
     NORMAL,
     POSITION,
     TANGENT,
     UV,
-    WHOLE_COLORS,
 )
+from umbel.io.ply.reader import MOST_MATERIALS, WHOLE_COLORS
 
 
 def lay_out(layout: Layout, path: Path) -> bool:
@@ -71,12 +72,18 @@ def lay_out(layout: Layout, path: Path) -> bool:
             f"{path}, byte {offset}: {length - offset} bytes after the last element are left out; "
             "do the header's counts lie?"
         )
+    kinds = {e.name: _kinds(e) for e in elements if e.count}
+    warn_of_losses(kinds, head, str(path))
     material = None
     if "materials" in columns:
         named = [Material(name=f"material_{k}") for k in range(largest + 1)]
         material = layout.shared.add_in_order(named)
     layout.add_part(str(path), columns, triangles, material)
     return True
+
+
+def _kinds(element: Element) -> dict[str, str]:
+    return {p.name: LIST if p.count_type else p.type[0] for p in element.properties}
 
 
 def _vertex_columns(vertex: Element, table: int) -> dict[str, Column] | None:
@@ -118,7 +125,7 @@ def _faces(
     largest material; None if only the reader of whole files can read them."""
     names = [p.name for p in faces.properties]
     lists = [name for name in INDEX_LISTS if name in names]
-    if not lists or "texcoord" in names:
+    if not lists or CORNER_UVS in names:
         return None
     index = names.index(lists[0])
     if faces.properties[index].count_type is None or faces.properties[index].type[0] == "f":

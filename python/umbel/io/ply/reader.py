@@ -1,6 +1,6 @@
 """PLY, ASCII and binary of either byte order (Turk 1994), with the properties that scanners and
 modellers write: normals, colours, texture coordinates at vertices or face corners, polygons,
-triangle strips, material indices. Anything else in a file is stepped over.
+triangle strips, material indices. Anything else in a file is left out with a warning.
 """
 
 from __future__ import annotations
@@ -25,27 +25,42 @@ from umbel.geometry.mesh import (
 )
 from umbel.io.colors import MOST_BRIGHT
 from umbel.io.ply.data import Columns, ListColumn, read_tables
+from umbel.io.ply.losses import LIST, warn_of_losses
+from umbel.io.ply.names import (
+    ALPHA,
+    COLOR,
+    CORNER_UVS,
+    INDEX_LISTS,
+    MATERIAL_ID,
+    NORMAL,
+    POSITION,
+    TANGENT,
+    UV,
+)
 from umbel.io.polygons import fans, strips
 from umbel.io.scene import Instance, Scene
 
-POSITION = [("x", "y", "z")]
-NORMAL = [("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z")]
-UV = [("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t")]
-COLOR = [("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green",
-          "diffuse_blue")]  # fmt: skip
-ALPHA = [("alpha",), ("a",), ("diffuse_alpha",)]
-TANGENT = [("tx", "ty", "tz", "tw")]
 #: Types whose colours run to the largest number. Others may hold bytes; all values together tell.
 WHOLE_COLORS = {"u1", "i1", "u2"}
-INDEX_LISTS = ("vertex_indices", "vertex_index")
 MOST_MATERIALS = 1 << 16
-MATERIAL_ID = ("material_index", "material_id", "material")
 
 
 def read_ply(data: bytes, where: str) -> Scene:
     """The scene in a PLY file's bytes; `where` names the file in errors."""
-    mesh = _mesh(read_tables(data, where), where)
-    return Scene([mesh], mesh.materials, [Instance(0)])
+    columns = read_tables(data, where)
+    mesh = _mesh(columns, where)
+    split = _with_corner_uvs(mesh, columns.get("face", {}))
+    kinds = {name: _kinds(own) for name, own in columns.items() if any(map(_rows, own.values()))}
+    warn_of_losses(kinds, data, where, splits=split is not mesh)
+    return Scene([split], split.materials, [Instance(0)])
+
+
+def _rows(column: Any) -> int:
+    return len(column.counts if isinstance(column, ListColumn) else column)
+
+
+def _kinds(columns: Columns) -> dict[str, str]:
+    return {n: LIST if isinstance(c, ListColumn) else c.dtype.kind for n, c in columns.items()}
 
 
 def _warn(sentence: str) -> None:
@@ -97,7 +112,7 @@ def _mesh(columns: dict[str, Columns], where: str) -> Mesh:
     if len(points) and not len(triangles):
         _warn(f"{where} has {len(points)} vertices, and no triangles")
     mesh.fault = _fault(columns, where)
-    return _with_corner_uvs(mesh, faces)
+    return mesh
 
 
 def _fault(columns: dict[str, Columns], where: str) -> str:
@@ -195,7 +210,7 @@ def _materials(
 
 def _with_corner_uvs(mesh: Mesh, faces: Columns) -> Mesh:
     """Splits vertices so that each corner has the texture coordinate that its face lists."""
-    wedge = faces.get("texcoord")
+    wedge = faces.get(CORNER_UVS)
     polygons = next((faces[k] for k in INDEX_LISTS if k in faces), None)
     if (
         mesh.uvs is not None

@@ -12,7 +12,7 @@ from umbel.errors import warn_lost
 from umbel.geometry.mesh import Material, Mesh
 from umbel.io.files import write_all
 from umbel.io.format_losses import attribute_losses, copyright_line
-from umbel.io.ply.reader import ALPHA, COLOR, NORMAL, POSITION, TANGENT, UV
+from umbel.io.ply.names import ALPHA, COLOR, NORMAL, POSITION, TANGENT, UV
 
 _TYPES = {"|u1": "uchar", "<f4": "float", "<f8": "double"}
 
