@@ -10,7 +10,7 @@ import json
 import urllib.parse
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -320,7 +320,7 @@ def _extension(entry: Json, names: tuple[str, ...]) -> Json | None:
     return None
 
 
-def is_data_uri(uri: Any) -> bool:
+def is_data_uri(uri: Any) -> TypeGuard[str]:
     """Whether a URI is the data themselves; schemes are of any case."""
     return isinstance(uri, str) and uri[:5].lower() == "data:"
 
