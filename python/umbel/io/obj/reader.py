@@ -74,6 +74,10 @@ def materials_of(arrays: dict[str, Any], folder: Folder | None, where: str) -> l
     for text in arrays["libraries"]:
         library.update(_library(_text(text), folder, where))
     names = [_text(name) for name in arrays["material_names"]]
+    missing = [repr(name) for name in names if name not in library] if library else []
+    if missing:
+        shown = ", ".join([*missing[:4], *(["..."] if len(missing) > 4 else [])])
+        _warn(f"{where}: its libraries do not have {len(missing)} of its materials: {shown}")
     return [library.get(name) or Material(name=name) for name in names]
 
 
