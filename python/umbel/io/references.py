@@ -14,7 +14,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-_MAPS = (b"map_", b"bump", b"norm", b"disp", b"decal", b"refl")
+from umbel.io.obj.mtl import map_names
+
 _BLOCK = 1 << 20
 _JSON_CHUNK = 0x4E4F534A
 
@@ -34,7 +35,7 @@ def references(name: str, data: Any) -> list[str]:
         # One name with spaces, or several: readers look which of them are there.
         found = [one for rest in rests for one in dict.fromkeys([rest, *rest.split()])]
     elif name.endswith(".mtl"):
-        found = (line.split()[-1] for word in _MAPS for line in _rests_of_lines(data, word))
+        found = map_names(bytes(data))
     plain = (one.replace("\\", "/") for one in found if "\0" not in one)
     return list(dict.fromkeys(posixpath.normpath(posixpath.join(folder, one)) for one in plain))
 

@@ -16,32 +16,51 @@ _MAPS = {
     "map_ke": "emissive", "map_d": "alpha", "map_pr": "roughness", "map_pm": "metallic",
     "map_ks": "specular",
 }  # fmt: skip
+_VALUES = {"kd", "ke", "d", "tr", "pm", "pr", "ns", "pc", "pcr", "ni"}
+_ANY_MAP = ("map_", "bump", "norm", "disp", "decal", "refl")
 #: Options of maps with one word, and those with up to three numbers or two.
 _WORDS = ("-blendu", "-blendv", "-boost", "-texres", "-clamp", "-bm", "-imfchan", "-type", "-cc",
           "-colorspace")  # fmt: skip
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
+_READ_OPTIONS = ("-o", "-s", "-clamp")
+#: A comment, which is no part of a name that has the sign inside.
+_COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
+_SHOWN = 8  # statements in a warning
 
 
 def read_mtl(data: bytes, folder: Folder | None = None, where: str = "") -> dict[str, Material]:
-    """The materials of a library by name; what makes no sense in it is stepped over. Images are
-    files in `folder`. `where` names the library in warnings."""
+    """The materials of a library by name; one warning names the statements that are left out.
+    Images are files in `folder`. `where` names the library in warnings."""
     found: dict[str, Material] = {}
     current = _Statements(Material(), folder, where)
+    lost: dict[str, None] = {}
     for raw in _lines(data):
-        words = raw.split("#", 1)[0].split() if "#" in raw else raw.split()
+        words = raw.split()
         if len(words) < 2:
             continue
         if words[0].lower() == "newmtl":
             current = _Statements(Material(name=raw.split(None, 1)[1].strip()), folder, where)
             found[current.material.name] = current.material
         else:
-            current.take(words[0].lower(), words[1:], raw)
+            lost.update(dict.fromkeys(current.take(words[0], words[1:], raw)))
+    if lost:
+        more = [f"and {len(lost) - _SHOWN} more"] if len(lost) > _SHOWN else []
+        sentence = f"{where}: left out: {', '.join([*list(lost)[:_SHOWN], *more])}"
+        warnings.warn(sentence, LoadWarning, stacklevel=7)
     return found
 
 
+def map_names(data: bytes) -> list[str]:
+    """The files of all maps of a library."""
+    every = (line.split() for line in _lines(data))
+    maps = (words for words in every if len(words) > 1 and words[0].lower().startswith(_ANY_MAP))
+    return [_options(words[1:])[1] for words in maps]
+
+
 def _lines(data: bytes) -> list[str]:
-    text = data.decode("utf-8-sig", "replace")
-    return re.sub(r"\\[ \t]*\r?\n", " ", text).splitlines()
+    """The lines without comments."""
+    text = re.sub(r"\\[ \t]*\r?\n", " ", data.decode("utf-8-sig", "replace"))
+    return [_COMMENT.sub("", line) if "#" in line else line for line in text.splitlines()]
 
 
 class _Statements:
@@ -52,13 +71,17 @@ class _Statements:
         self._folder, self._where = folder, where
         self._has_roughness = False  # of its own: then the exponent does not count
 
-    def take(self, key: str, words: list[str], line: str) -> None:
-        material, values = self.material, _some_floats(words)
+    def take(self, word: str, words: list[str], line: str) -> list[str]:
+        """Takes a statement, and gives what of it is left out."""
+        key, material = word.lower(), self.material
+        if key == "d" and words[0] == "-halo":
+            return [*self.take(word, words[1:], line), "d -halo"]
+        values = _some_floats(words)
         if key in _MAPS:
-            self._map(_MAPS[key], words, line)
-        elif not values:
-            return
-        elif key in ("kd", "ke"):
+            return self._map(_MAPS[key], word, words, line)
+        if key not in _VALUES or not values:
+            return [" ".join([word, *words[:1]]) if key in _VALUES else word]
+        if key in ("kd", "ke"):
             r, g, b = (values * 3)[:3] if len(values) < 3 else values[:3]
             if key == "kd":
                 material.base_color = (r, g, b, material.base_color[3])
@@ -78,9 +101,14 @@ class _Statements:
         elif key in ("pc", "pcr"):
             coat = material.extensions.setdefault("KHR_materials_clearcoat", {})
             coat["clearcoatFactor" if key == "pc" else "clearcoatRoughnessFactor"] = values[0]
+        elif key == "ni" and values[0] > 1:  # 1, of no refraction, is what many programs write
+            material.extensions["KHR_materials_ior"] = {"ior": values[0]}
+        return []
 
-    def _map(self, slot: str, words: list[str], line: str) -> None:
+    def _map(self, slot: str, word: str, words: list[str], line: str) -> list[str]:
         options, name = _options(words)
+        read = (*_READ_OPTIONS, "-bm") if slot == "normal" else _READ_OPTIONS
+        lost = [f"{word} {option}" for option in options if option not in read]
         info: dict[str, Any] = {"uri": name, "line": line.strip()}
         if slot == "normal" and "-bm" in options:
             info["scale"] = float(_some_floats(options["-bm"])[0])
@@ -90,17 +118,18 @@ class _Statements:
         self.material.textures[slot] = info
         self.material.images.pop(slot, None)
         if self._folder is None:
-            return
+            return lost
         wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
         try:
             path = self._folder.find(name, may_miss=True)
         except Error as error:
             what = f"{self._where}: material {self.material.name!r} loses its {slot} texture"
-            warnings.warn(f"{what}: {error}", LoadWarning, stacklevel=7)
-            return
+            warnings.warn(f"{what}: {error}", LoadWarning, stacklevel=8)
+            return lost
         self.material.images[slot] = TextureImage(
             path=path, wrap_u=wrap, wrap_v=wrap, bottom_up=not moved
         )
+        return lost
 
 
 def _options(words: list[str]) -> tuple[dict[str, list[str]], str]:
@@ -118,7 +147,9 @@ def _options(words: list[str]) -> tuple[dict[str, list[str]], str]:
             break
         options[key] = words[at + 1 : at + 1 + count]
         at += 1 + count
-    return options, " ".join(words[at:])
+    name = " ".join(words[at:])
+    quoted = len(name) > 2 and name[0] == name[-1] == '"'
+    return options, name[1:-1] if quoted else name
 
 
 def _transform(options: dict[str, list[str]]) -> dict[str, list[float]]:

@@ -1,0 +1,66 @@
+"""Material libraries: what becomes a material, and what is named where it does not."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from umbel.errors import LoadWarning
+from umbel.io import load
+from umbel.io.references import references
+
+OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl {}\nf 1/1 2/1 3/1\n"
+
+
+def read(tmp_path: Path, library: str, name: str = "m") -> tuple[Any, list[str]]:
+    """The material, and what the warnings say."""
+    (tmp_path / "a.mtl").write_text(library)
+    (tmp_path / "a.obj").write_text(OBJ.format(name))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        [material] = load(tmp_path / "a.obj").materials
+    return material, [str(w.message) for w in caught]
+
+
+def test_statements_that_are_left_out_are_named_once(tmp_path: Path) -> None:
+    library = "newmtl m\nKa 1 1 1\nKs 1 1 1\nillum 2\nmap_Ns a.png\nKd xyz 1 1 1\nKs 0 0 0\n"
+    _, said = read(tmp_path, library)
+    assert said == [f"{tmp_path / 'a.mtl'}: left out: Ka, Ks, illum, map_Ns, Kd xyz"]
+
+
+def test_options_of_maps_that_are_left_out_are_named(tmp_path: Path) -> None:
+    library = "newmtl m\nmap_Kd -mm 0.1 2 -o 1 -clamp on a.png\nnorm -bm 2 -imfchan r b.png\n"
+    material, said = read(tmp_path, library)
+    assert said == [f"{tmp_path / 'a.mtl'}: left out: map_Kd -mm, norm -imfchan"]
+    assert material.textures["normal"]["scale"] == 2
+
+
+def test_a_library_that_is_read_whole_says_nothing(tmp_path: Path) -> None:
+    library = "newmtl m\nKd 1 0 0\nKe 1 1 1\nd 0.5\nTr 0.5\nNs 9\nPm 1\nPr 1\nPc 1\nPcr 0\nNi 1.5\n"
+    material, said = read(tmp_path, library + "map_Kd a.png\nmap_d a.png\nbump b.png\n")
+    assert said == []
+    assert material.extensions["KHR_materials_ior"] == {"ior": 1.5}
+
+
+def test_opacity_of_halos_is_opacity(tmp_path: Path) -> None:
+    material, [said] = read(tmp_path, "newmtl m\nd -halo 0.25\n")
+    assert (material.base_color[3], material.alpha_mode) == (0.25, "BLEND")
+    assert said.endswith("left out: d -halo")
+
+
+@pytest.mark.parametrize("name", ["wall#1.png", "two words.png", '"quoted name.png"'])
+def test_names_of_images(tmp_path: Path, name: str) -> None:
+    material, _ = read(tmp_path, f"newmtl m # a comment\nmap_Kd -s 2 2 {name} # another\n")
+    assert material.textures["base_color"]["uri"] == name.strip('"')
+    named = references("a.mtl", (tmp_path / "a.mtl").read_bytes())
+    assert named == [name.strip('"')]
+
+
+def test_materials_that_no_library_has_are_named(tmp_path: Path) -> None:
+    with pytest.warns(LoadWarning, match="do not have 1 of its materials: 'other'"):
+        (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\n")
+        (tmp_path / "a.obj").write_text(OBJ.format("other"))
+        assert load(tmp_path / "a.obj").materials[0].name == "other"
