@@ -77,7 +77,7 @@ def decode(data: bytes, what: str) -> NDArray[np.uint8]:
     if data.startswith(IDENTIFIER):
         return decode_ktx2(data, what, _MOST_PIXELS)
     try:
-        from PIL import Image
+        from PIL import Image, UnidentifiedImageError
     except ImportError:
         raise Error("textures need Pillow: pip install pillow") from None
     try:
@@ -93,6 +93,8 @@ def decode(data: bytes, what: str) -> NDArray[np.uint8]:
                 return np.ascontiguousarray(image.convert("RGBA"), np.uint8)
     except Error:
         raise
+    except UnidentifiedImageError:  # whose message shows an object of Python
+        raise Error(f"{what} cannot be decoded: it is damaged or of no known format") from None
     except Exception as error:  # Pillow's plugins raise whatever they like on damaged files
         raise Error(f"{what} cannot be decoded: {error}") from None
 
