@@ -86,10 +86,9 @@ def _library(whole: str, folder: Folder | None, where: str) -> dict[str, Materia
     found: dict[str, Material] = {}
     if folder is None:
         return found
-    try:
-        names = [whole] if folder.find(whole) else []
-    except Error:
-        names = whole.split()
+    names = [whole] if _is_in(folder, whole) else whole.split()
+    if not any(_is_in(folder, name) for name in names):
+        names = [whole]  # whose error is said
     for name in names:
         try:
             path = folder.find(name)
@@ -99,3 +98,11 @@ def _library(whole: str, folder: Folder | None, where: str) -> dict[str, Materia
         except OSError as error:
             _warn(f"{where}: cannot read {name!r}: {error.strerror}")
     return found
+
+
+def _is_in(folder: Folder, name: str) -> bool:
+    try:
+        folder.find(name)
+    except Error:
+        return False
+    return True

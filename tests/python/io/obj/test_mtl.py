@@ -64,3 +64,11 @@ def test_materials_that_no_library_has_are_named(tmp_path: Path) -> None:
         (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\n")
         (tmp_path / "a.obj").write_text(OBJ.format("other"))
         assert load(tmp_path / "a.obj").materials[0].name == "other"
+
+
+def test_a_library_that_is_not_there_is_named_whole(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(OBJ.replace("a.mtl", "../my wood.mtl").format("m"))
+    with pytest.warns(LoadWarning) as caught:
+        load(tmp_path / "a.obj")
+    [warning] = caught
+    assert "no material library: '../my wood.mtl' lies outside" in str(warning.message)
