@@ -6,6 +6,7 @@ The facet normals repeat what the corners say, so they are left out. Vertices ar
 
 from __future__ import annotations
 
+import re
 import warnings
 from typing import Any
 
@@ -24,6 +25,9 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 _CORNER = ["vertex", "-", "-", "-"]
 _FACET = ["facet", "normal", "-", "-", "-", "outer", "loop", *_CORNER, *_CORNER, *_CORNER]
 _FACET += ["endloop", "endfacet"]
+# What ends a name where the file is a single line; names may have these words, too.
+_FIRST_FACET = re.compile(rb"(?<!\S)facet\s+normal\s+[-+.\dni]")
+_NEXT_SOLID = re.compile(rb"(?<!\S)solid\s(?=.*?\sfacet\s+normal\s+[-+.\dni])")
 
 
 def read_stl(data: bytes, where: str) -> Scene:
@@ -141,8 +145,8 @@ def _facets_of(text: bytes, where: str) -> bytes:
             continue
         stops = [p for p in (text.find(b"\n", at), text.find(b"\r", at)) if p >= 0]
         stop = min(stops, default=len(text))
-        more = text.find(b"solid " if is_end else b"facet", at + 5, stop)
-        stop = stop if more < 0 else more
+        more = (_NEXT_SOLID if is_end else _FIRST_FACET).search(text, at + 5, stop)
+        stop = more.start() if more else stop
         if is_end != is_open:
             line = line_at(text, at)
             raise Error(f"{where}, line {line}: 'solid' and 'endsolid' do not take turns")

@@ -53,6 +53,15 @@ def test_binary_and_ascii_give_the_same_triangles(tmp_path: Path) -> None:
         assert len(mesh.positions) == 12
 
 
+@pytest.mark.parametrize("name", ["facet plate", "my solid part ", "Solid 1", "a facet normal"])
+@pytest.mark.parametrize("end", ["\n", " "])
+def test_names_of_solids_may_be_words_of_stl(tmp_path: Path, name: str, end: str) -> None:
+    text = ascii_text() + "\n"
+    text = text.replace("endsolid\n", f"endsolid {name}\n").replace("solid made", f"solid {name}")
+    mesh = read(tmp_path, (text + text).replace("\n", end).encode())
+    assert np.array_equal(corners(mesh), np.concatenate([CORNERS, CORNERS]))
+
+
 @pytest.mark.parametrize(("more", "says"), [(b"x", "no whole one"), (bytes(100), "2 more")])
 def test_bytes_after_the_last_triangle_are_a_warning(
     tmp_path: Path, more: bytes, says: str
