@@ -16,6 +16,8 @@ from umbel.replacing import replacing as replacing
 from umbel.replacing import write_all as write_all
 
 GZIP = b"\x1f\x8b"
+#: What some editors put before a text.
+BOM = b"\xef\xbb\xbf"
 
 
 def read_bytes(path: Path) -> bytes:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Float32Array, Float64Array, Mesh
-from umbel.io.files import numbers
+from umbel.io.files import BOM, numbers
 from umbel.io.scene import Instance, Scene
 from umbel.io.text_lines import Words, line_at
 
@@ -46,7 +46,7 @@ def _is_ascii(data: bytes, length: int) -> bool:
         count = int.from_bytes(data[80:84], "little")
         if length == _HEADER + count * _RECORD.itemsize:
             return False
-    if not data[:1024].lstrip().lower().startswith(b"solid"):
+    if not data[:1024].removeprefix(BOM).lstrip().lower().startswith(b"solid"):
         return False
     return b"facet" in data[:4096].lower() or b"\0" not in data[:4096]
 
@@ -99,7 +99,7 @@ def _binary(data: bytes, where: str) -> Float32Array:
 
 
 def _ascii(data: bytes, where: str) -> Float64Array:
-    text = data.lower()
+    text = data.removeprefix(BOM).lower()
     body = _facets_of(text, where)
     words = Words.of(body)
     size = len(_FACET)

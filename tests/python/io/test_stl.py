@@ -44,6 +44,7 @@ def test_binary_and_ascii_give_the_same_triangles(tmp_path: Path) -> None:
         binary() + b"trailing",
         ascii_text().encode(),
         ascii_text().upper().encode(),
+        b"\xef\xbb\xbf" + ascii_text().encode(),
         ascii_text().replace("\n", "\r\n").encode(),
         ascii_text().replace("\n", " ").encode(),
         (ascii_text(CORNERS[:2]) + "\n" + ascii_text(CORNERS[2:]) + "\n").encode(),

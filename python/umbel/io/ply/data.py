@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error, LoadWarning
-from umbel.io.files import numbers
+from umbel.io.files import BOM, numbers
 from umbel.io.text_lines import Words, line_at
 
 _TYPES = {
@@ -113,7 +113,9 @@ class _Position:
 
 
 def read_header(data: bytes, where: str) -> tuple[str, list[Element], int, bytes]:
-    """Byte order, elements, where the body begins, and the data, which end with a line's end."""
+    """Byte order, elements, where the body begins, and the data, which begin with "ply" and end
+    with a line's end."""
+    data = data.removeprefix(BOM)
     first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
     if not first:
         raise Error(f"{where} is no PLY file: it does not begin with 'ply'")

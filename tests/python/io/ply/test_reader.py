@@ -227,6 +227,10 @@ def test_doubles_far_from_zero_are_kept(tmp_path: Path) -> None:
     assert np.abs(mesh.world_positions - points).max() < 1e-9
 
 
+def test_a_byte_order_mark_is_stepped_over(tmp_path: Path) -> None:
+    assert len(read(tmp_path, b"\xef\xbb\xbf" + ASCII).triangles) == 4
+
+
 def test_gzip_is_unpacked(tmp_path: Path) -> None:
     data = ply_bytes([("vertex", XYZ, rows(TETRA_POSITIONS)), ("face", FACE, [([0, 1, 2],)])])
     mesh = read(tmp_path, gzip.compress(data), "tetra.ply.gz")
