@@ -21,6 +21,7 @@ from umbel.io.text_lines import Words, line_at
 
 _HEADER = 84
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_BLOCK = 1 << 20  # triangles that are looked at together
 #: The words of a facet, "-" for numbers.
 _CORNER = ["vertex", "-", "-", "-"]
 _FACET = ["facet", "normal", "-", "-", "-", "outer", "loop", *_CORNER, *_CORNER, *_CORNER]
@@ -89,9 +90,18 @@ def _count(head: bytes, length: int, where: str) -> int:
     return count
 
 
+def warn_of_attributes(data: Any, count: int, where: str) -> None:
+    """Says so if one of a binary file's triangles has more than its normal and corners."""
+    attributes = np.frombuffer(data, _RECORD, count, _HEADER)["attribute"]
+    if any(attributes[k : k + _BLOCK].any() for k in range(0, count, _BLOCK)):
+        what = "the attributes of triangles, which in some programs are colours"
+        warnings.warn(f"{where}: left out: {what}", LoadWarning, stacklevel=6)
+
+
 def _binary(data: bytes, where: str) -> Float32Array:
     count = _count(data, len(data), where)
     records = np.frombuffer(data, _RECORD, count, _HEADER)
+    warn_of_attributes(data, count, where)
     return np.ascontiguousarray(records["corners"]).reshape(-1, 3)
 
 
@@ -136,7 +146,7 @@ def _refuse(words: Words, text: bytes, first: int, where: str) -> None:
 def _facets_of(text: bytes, where: str) -> bytes:
     """The text with blanks in place of "solid" and "endsolid" and the names that follow them."""
     out = bytearray(text)
-    is_open, at, last = False, 0, 0
+    is_open, at, last, solids = False, 0, 0, 0
     while (at := text.find(b"solid", at)) >= 0:
         is_end = text[max(at - 3, 0) : at] == b"end"
         begin = at - 3 * is_end
@@ -151,6 +161,7 @@ def _facets_of(text: bytes, where: str) -> bytes:
             line = line_at(text, at)
             raise Error(f"{where}, line {line}: 'solid' and 'endsolid' do not take turns")
         is_open = not is_end
+        solids += is_open
         out[begin:stop] = b" " * (stop - begin)
         at = last = stop
     if is_open or out[last:].strip():
@@ -158,4 +169,6 @@ def _facets_of(text: bytes, where: str) -> bytes:
             f"{where}, line {line_at(text, len(text.rstrip()))}: there is no 'endsolid'; the file "
             f"is cut short"
         )
+    if solids > 1:
+        warnings.warn(f"{where}: its {solids} solids become one mesh", LoadWarning, stacklevel=7)
     return bytes(out)

@@ -12,6 +12,7 @@ from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES, corners
 from helpers.refusals import refused
 from umbel.errors import LoadWarning
 from umbel.io import load
+from umbel.io.blocks import open_source
 
 CORNERS = TETRA_POSITIONS[TETRA_TRIANGLES]
 
@@ -69,6 +70,22 @@ def test_bytes_after_the_last_triangle_are_a_warning(
 ) -> None:
     with pytest.warns(LoadWarning, match=f"{len(more)} bytes after the 4 .* byte 284 .*{says}"):
         assert len(read(tmp_path, binary() + more).triangles) == 4
+
+
+@pytest.mark.parametrize("in_parts", [False, True])
+def test_attributes_of_triangles_are_named(tmp_path: Path, in_parts: bool) -> None:
+    path = tmp_path / "mesh.stl"
+    path.write_bytes(binary()[:-2] + b"\x1f\x80")
+    with pytest.warns(LoadWarning, match="mesh.stl: left out: the attributes of triangles"):
+        if in_parts:
+            open_source(path, tmp_path / "work")
+        else:
+            load(path)
+
+
+def test_solids_that_become_one_mesh_are_said(tmp_path: Path) -> None:
+    with pytest.warns(LoadWarning, match="mesh.stl: its 2 solids become one mesh"):
+        read(tmp_path, (ascii_text() + "\n" + ascii_text()).encode())
 
 
 def test_no_triangles_are_an_empty_mesh(tmp_path: Path) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from umbel.io.blocks.layout import Layout
 from umbel.io.files import GZIP, read_head
-from umbel.io.stl import binary_table
+from umbel.io.stl import binary_table, warn_of_attributes
 
 
 def lay_out(layout: Layout, path: Path) -> bool:
@@ -18,6 +20,8 @@ def lay_out(layout: Layout, path: Path) -> bool:
     if found is None:
         return False
     offset, stride, count = found
+    if count:
+        warn_of_attributes(np.memmap(path, mode="r"), count, str(path))
     table = layout.add_table(layout.add_file(path), offset, stride, count)
     corners = [12 + 4 * k for k in range(9)]
     layout.add_part(str(path), {"positions": (table, "f4", corners, False)})
