@@ -23,7 +23,10 @@ def primary_rays(low: NDArray[np.float32], high: NDArray[np.float32], size: int)
     """The rays of three square pictures of size x size pixels, size a multiple of 4, in tiles of
     4 x 4, with a vertical field of view of 40 degrees."""
     low, high = low.astype(np.float64), high.astype(np.float64)
-    middle, diagonal = (low + high) / 2, max(float(np.linalg.norm(high - low)), 1e-30)
+    middle = (low + high) / 2
+    # Of a point, too, views are apart from the middle.
+    least = max(1e-9 * float(np.abs(middle).max()), 1e-30)
+    diagonal = max(float(np.linalg.norm(high - low)), least)
     tiles = size // TILE
     ty, tx, y, x = np.meshgrid(*(np.arange(n) for n in (tiles, tiles, TILE, TILE)), indexing="ij")
     across = ((tx * TILE + x).ravel() + 0.5) / size * 2 - 1
