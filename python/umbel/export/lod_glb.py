@@ -83,6 +83,9 @@ def export_glb(
     coverages = _coverages(errors, float(np.linalg.norm(high - low)))
     chunks = _file(made, levels, coverages, corner, step, target.name)
     write_all(target, chunks)
+    lost = made.losses()
+    if lost:
+        warn_lost(f"{target} was written without", lost, most=8)
     return LodGlbReport(
         bytes=sum(len(chunk) for chunk in chunks),
         levels=len(levels),

@@ -17,6 +17,7 @@ from umbel import _umbel
 from umbel.errors import Error
 from umbel.export.piece import Doubles, Piece
 from umbel.geometry.mesh import Material, Mesh
+from umbel.io.format_losses import LIGHTS, camera_and_light_losses
 from umbel.io.scene import join, transformed, with_default
 from umbel.lod.asset import Asset
 from umbel.lod.instances import all_instances, local_transforms, scale_range
@@ -25,6 +26,8 @@ from umbel.lod.instances import all_instances, local_transforms, scale_range
 Y_TO_Z = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 MOST_INSTANCES = 250_000
 """All of a tree of instances are read."""
+_WHERE = {"instances", "children", "translation", "rotation", "scale", "matrix"}
+"""What nodes say that is in the instances, too."""
 _MARGIN = 1e-5
 """How much larger than a box what is read for it is, as planes are floats."""
 
@@ -51,6 +54,7 @@ class Source:
             )
         self.turn = Y_TO_Z if axis_up(asset, up) == "y" else np.eye(3)
         self.materials = asset.materials
+        self._has_joints = False  # what has been read
         #: Of each instance its mesh, and the (3, 4) matrix from that to tiles.
         self.meshes, self._rows = _instances_of(asset)
         self.turned = self.turn @ self._rows.astype(np.float64)
@@ -123,6 +127,7 @@ class Source:
 
     def _read(self, mesh: int, found: _umbel.FoundCut) -> Mesh:
         made = self.asset._mesh([], mesh, self.materials, found)
+        self._has_joints |= made.joints is not None
         made.origin = np.zeros(3)
         return made
 
@@ -160,6 +165,20 @@ class Source:
         mesh = join(blocks, [(k, m.triangles, m.material_ids) for k, m in enumerate(blocks)])
         _, mesh.material_ids = with_default(self.materials, mesh.material_ids)
         return Piece.of(mesh).turned(self.turn)
+
+    def losses(self) -> list[str]:
+        """What of the asset no export holds, in words; of joints, when all has been read."""
+        tree = self.asset.scene
+        nodes = tree.get("nodes", [])
+        lost = ["joints and weights"] if self._has_joints else []
+        if any(set(node) - _WHERE for node in nodes):
+            lost.append("names, extras and extensions of nodes")
+        lost += camera_and_light_losses(tree)
+        lost += sorted(set(tree.get("extensions", {})) - {LIGHTS})
+        held = [tree, *tree.get("scenes", []), *tree.get("meshes", [])]
+        if any("extras" in entry for entry in held):
+            lost.append("extras of the scene and its meshes")
+        return lost
 
 
 def material_list(source: Source) -> list[Material]:

@@ -95,6 +95,9 @@ def export_tiles(
             whole_folder.rename(target)
         except OSError as error:
             raise Error(f"cannot write {target}: {error.strerror or error}") from None
+    lost = writer.source.losses()
+    if lost:
+        warn_lost(f"{target} was written without", lost, most=8)
     return report
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from umbel.geometry.mesh import Mesh
+
+LIGHTS = "KHR_lights_punctual"
 
 
 def attribute_losses(mesh: Mesh) -> Iterator[str]:
@@ -15,15 +18,19 @@ def attribute_losses(mesh: Mesh) -> Iterator[str]:
     if mesh.joints is not None:
         yield "joints and weights"
     tree = mesh.tree
-    nodes = tree.get("nodes", [])
-    if any(set(node) - {"instances", "children"} for node in nodes):
+    if any(set(node) - {"instances", "children"} for node in tree.get("nodes", [])):
         yield "the scene's nodes"
-    if tree.get("cameras"):
-        yield "cameras"
-    if "KHR_lights_punctual" in tree.get("extensions", {}):
-        yield "lights"
+    yield from camera_and_light_losses(tree)
     if "extras" in tree or "extras" in tree.get("asset", {}) or mesh.extras is not None:
         yield "extras"
+
+
+def camera_and_light_losses(tree: dict[str, Any]) -> Iterator[str]:
+    """Of a scene's tree without them."""
+    if tree.get("cameras"):
+        yield "cameras"
+    if LIGHTS in tree.get("extensions", {}):
+        yield "lights"
 
 
 def copyright_line(mesh: Mesh) -> str:
