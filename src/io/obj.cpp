@@ -235,6 +235,7 @@ class Reader {
         {&ObjBlock::short_faces, "faces have fewer than three corners"},
         {&ObjBlock::points_and_lines, "points and lines make no triangles"},
         {&ObjBlock::curves, "lines are about curves and surfaces of free form"},
+        {&ObjBlock::files, "lines name other files"},
         {&ObjBlock::unknown, "lines are no statements of OBJ"}};
     std::vector<std::string> notes;
     for (const Kind& kind : kKinds) {

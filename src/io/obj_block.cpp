@@ -43,13 +43,14 @@ bool is_text(string_view word) {
 }
 
 /// Statements that say nothing of a mesh of polygons: smoothing, ways to display.
-constexpr std::array<string_view, 13> kSilent = {
-    "s",          "mg",        "bevel",  "c_interp", "d_interp", "lod", "vp",
-    "shadow_obj", "trace_obj", "usemap", "maplib",   "call",     "csh"};
+constexpr std::array<string_view, 8> kSilent = {"s",        "mg",  "bevel",      "c_interp",
+                                                "d_interp", "lod", "shadow_obj", "trace_obj"};
 /// Curves and surfaces of free form.
-constexpr std::array<string_view, 20> kCurves = {
-    "cstype", "deg", "bmat", "step", "curv",  "curv2", "surf", "parm", "trim", "hole",
+constexpr std::array<string_view, 21> kCurves = {
+    "cstype", "deg", "bmat", "step", "curv",  "curv2", "surf", "parm", "trim", "hole", "vp",
     "scrv",   "sp",  "end",  "con",  "ctech", "stech", "bsp",  "bzp",  "cdc",  "res"};
+/// More of the scene in other files, commands, and maps by object.
+constexpr std::array<string_view, 4> kFiles = {"call", "csh", "usemap", "maplib"};
 
 template <size_t n>
 bool is_one_of(string_view word, const std::array<string_view, n>& words) {
@@ -230,12 +231,13 @@ class Parser {
     if (word == "o" || word == "g") return known(1, [&] { part(rest()); });
     const bool is_use = word == "usemtl";
     const bool is_element = word == "l" || word == "p";
-    const bool is_curve = is_one_of(word, kCurves);
+    const bool is_curve = is_one_of(word, kCurves), is_file = is_one_of(word, kFiles);
     if (is_use || word == "mtllib")
       return known(word.size(), [&] { is_use ? use(rest()) : block_.libraries.push_back(rest()); });
     if (is_element) count(block_.points_and_lines, word);
     if (is_curve) count(block_.curves, word);
-    if (is_element || is_curve || is_one_of(word, kSilent)) {
+    if (is_file) count(block_.files, word);
+    if (is_element || is_curve || is_file || is_one_of(word, kSilent)) {
       if (!block_.first_known) block_.first_known = line_;
     } else {
       count(block_.unknown, shown(p_, stop));

@@ -55,7 +55,7 @@ struct ObjBlock {
   bool continues_part = false;           ///< a face is in that of the block before
   std::optional<std::string> open_part;  ///< the one at the end, if no face of the block is in it
 
-  ObjLines short_faces, points_and_lines, curves, unknown;
+  ObjLines short_faces, points_and_lines, curves, files, unknown;
   std::optional<uint64_t> first_known;  ///< the first line with a statement of the format
   bool says_empty = false;              ///< a comment says that a mesh without faces is meant
 

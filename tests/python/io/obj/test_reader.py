@@ -238,6 +238,8 @@ def test_damage_is_named_with_its_line(tmp_path: Path, text: str, says: str) -> 
     [
         ("l 1 2 3\np 1\n", "line 6: .* points and lines"),
         ("cstype bezier\n", "curves and surfaces"),
+        ("vp 0.5\n", "curves and surfaces"),
+        ("call more.obj\nusemap wood\n", "line 6: from here on 2 lines name other files .call"),
         ("sparkle 9\n", "line 6: .*'sparkle'"),
         ("f 3 2 1", "line 6: the last line has no end"),
     ],
