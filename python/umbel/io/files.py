@@ -20,13 +20,16 @@ GZIP = b"\x1f\x8b"
 BOM = b"\xef\xbb\xbf"
 
 
-def read_bytes(path: Path) -> bytes:
-    """The file's bytes, unpacked if it is gzip."""
+def read_bytes(path: Path, is_binary: bool = False) -> bytes:
+    """The file's bytes, unpacked if it is gzip. Of `is_binary` data the first two bytes may be
+    gzip's by chance."""
     data = _read(path)
     if data[:2] == GZIP:
         try:
             data = gzip.decompress(data)
         except (OSError, EOFError, zlib.error, MemoryError) as error:
+            if is_binary:
+                return data
             raise Error(f"{path} is not a whole gzip file: {error}") from None
         if not data:
             raise Error(f"{path} is empty")

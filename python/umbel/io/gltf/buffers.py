@@ -165,7 +165,7 @@ class Buffers:
         if self.folder is None:
             raise Error(f"{self.where}: {name} is another file, {uri[:80]!r}")
         try:
-            return read_bytes(self.folder.find_uri(uri))
+            return read_bytes(self.folder.find_uri(uri), is_binary=True)
         except Error as error:
             raise Error(f"{self.where}: {name}: {error}") from None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import struct
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,17 @@ def test_data_uris_files_beside_and_names_with_spaces(tmp_path: Path) -> None:
     for text in (b.gltf(), b.gltf("the%20data.bin"), b.gltf("./the data.bin")):
         mesh = read(tmp_path, text, "mesh.gltf")
         assert np.array_equal(corners(mesh), TETRA_POSITIONS[TETRA_TRIANGLES])
+
+
+def test_buffers_that_begin_as_gzip_does_by_chance(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.view(b"\x1f\x8b\x08\x00")
+    b.scene(b.node(mesh=b.tetra()))
+    (tmp_path / "data.bin").write_bytes(b.data)
+    mesh = read(tmp_path, b.gltf("data.bin"), "mesh.gltf")
+    assert np.array_equal(corners(mesh), TETRA_POSITIONS[TETRA_TRIANGLES])
+    (tmp_path / "data.bin").write_bytes(gzip.compress(b.data))
+    assert len(read(tmp_path, b.gltf("data.bin"), "mesh.gltf").triangles) == 4
 
 
 @pytest.mark.parametrize("head", ["DATA:;base64,", "data:application/gltf-buffer;BASE64,"])
