@@ -116,6 +116,16 @@ def test_obj_of_an_obj_is_the_same(tmp_path: Path) -> None:
         assert found.path.name == name and found.encoded() == image(7).encoded()
 
 
+def test_obj_says_that_it_has_no_samplers_and_no_backs(tmp_path: Path) -> None:
+    mesh = square(umbel.Material(double_sided=True, images={"base_color": image(1, nearest=True)}))
+    says = "which materials are double-sided; how textures are filtered or mirrored"
+    with pytest.warns(umbel.LoadWarning, match=says):
+        umbel.save(tmp_path / "a.obj", mesh)
+    mesh = square(umbel.Material(images={"base_color": image(1, wrap_u="mirror")}))
+    with pytest.warns(umbel.LoadWarning, match="place for: how textures are filtered or mirrored"):
+        umbel.save(tmp_path / "a.obj", mesh)
+
+
 def test_ply_says_what_it_leaves_out(tmp_path: Path) -> None:
     with pytest.warns(umbel.LoadWarning, match="the material; textures; .*cameras") as said:
         umbel.save(tmp_path / "a.ply", rich())

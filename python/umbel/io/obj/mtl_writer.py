@@ -18,6 +18,8 @@ from umbel.io.textures.images import TextureImage, mime_type
 _MAPS = {"base_color": "map_Kd", "emissive": "map_Ke", "normal": "norm"}
 _OBJ_MAPS = {"alpha": "map_d", "roughness": "map_Pr", "metallic": "map_Pm", "specular": "map_Ks"}
 _SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
+#: How both coordinates may address an image.
+_WRAPS = (("repeat", "repeat"), ("clamp", "clamp"))
 _COAT, _IOR = "KHR_materials_clearcoat", "KHR_materials_ior"
 _COAT_FACTORS = {"clearcoatFactor": "Pc", "clearcoatRoughnessFactor": "Pcr"}
 
@@ -68,6 +70,8 @@ class MtlWriter:
                 self._say(name)
         if material.alpha_mode == "MASK":
             self._say("the cut-off of masks")
+        if material.double_sided:
+            self._say("which materials are double-sided")
         if material.extras is not None:
             self._say("extras of materials")
         return lines
@@ -79,6 +83,8 @@ class MtlWriter:
             what = f"the {slot} textures"
             self._say(f"{what} that are turned or use further UVs" if known else what)
             return []
+        if image.nearest or (image.wrap_u, image.wrap_v) not in _WRAPS:
+            self._say("how textures are filtered or mirrored")
         try:
             if slot == "metallic_roughness":
                 texels = image.texels().astype(np.float64)
