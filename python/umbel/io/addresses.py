@@ -3,7 +3,6 @@ is fetched with what it refers to, and read as one on this machine."""
 
 from __future__ import annotations
 
-import contextlib
 import tempfile
 import urllib.parse
 import warnings
@@ -13,12 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from umbel.errors import Error
+from umbel.errors import Error, LoadWarning
 from umbel.io.references import leads_outside, references, sidecar_of
 
 if TYPE_CHECKING:
-    from umbel.geometry.mesh import Material
     from umbel.io.scene import Scene
+    from umbel.io.textures.images import TextureImage
 
 
 def is_address(path: object) -> bool:
@@ -66,20 +65,33 @@ def load_fetched(path: Path, address: str) -> Scene:
         for mesh in scene.meshes:
             mesh.source = address
         every = [scene.materials, *(mesh.materials for mesh in scene.meshes)]
+        lost: dict[str, None] = {}
         for material in {id(one): one for materials in every for one in materials}.values():
-            _keep_images(material)
+            for slot, image in list(material.images.items()):
+                kept = _kept(image, lost)
+                if kept is None:
+                    del material.images[slot]
+                else:
+                    material.images[slot] = kept
+        if lost:
+            sentence = f"{path}: left out: images that could not be fetched: {', '.join(lost)}"
+            warnings.warn(sentence, LoadWarning, stacklevel=2)
     for warning in caught:
         warnings.warn(named(warning.message), warning.category, stacklevel=2)
     return scene
 
 
-def _keep_images(material: Material) -> None:
-    """Reads the images, whose files are about to go."""
-    for slot, image in list(material.images.items()):
-        if image.path is None:
-            continue
-        with contextlib.suppress(OSError):  # not fetched: showing it says so
-            material.images[slot] = replace(image, data=image.path.read_bytes(), path=None)
+def _kept(image: TextureImage, lost: dict[str, None]) -> TextureImage | None:
+    """The image with its bytes, as its file is about to go; else its fallback. `lost` gets the
+    names of files that are not there."""
+    fallback = None if image.fallback is None else _kept(image.fallback, lost)
+    if image.path is None:
+        return replace(image, fallback=fallback)
+    try:
+        return replace(image, data=image.path.read_bytes(), path=None, fallback=fallback)
+    except OSError:
+        lost[repr(image.path.name)] = None
+        return fallback
 
 
 def _fetch_references(path: Path, address: str) -> None:

@@ -91,6 +91,26 @@ def test_images_come_along(in_memory: str) -> None:
         assert [image.data for image in images] == [PIXEL]
 
 
+def test_fallback_images_come_along_and_missing_ones_are_named(in_memory: str) -> None:
+    system = fsspec.filesystem("memory")
+    gltf = json.loads(system.cat("/meshes/b.gltf"))
+    gltf["images"].append({"uri": "red.ktx2"})
+    gltf["textures"][0]["extensions"] = {"KHR_texture_basisu": {"source": 1}}
+    system.pipe("/meshes/b.gltf", json.dumps(gltf).encode())
+    system.pipe("/meshes/red.ktx2", b"not read")
+    [material] = load_scene(f"{in_memory}/b.gltf").materials
+    [image] = material.images.values()
+    assert (image.data, image.fallback.data) == (b"not read", PIXEL)
+    system.rm("/meshes/red.ktx2")
+    says = r"memory://meshes/b.gltf: left out: images that could not be fetched: 'red.ktx2'$"
+    with pytest.warns(umbel.LoadWarning, match=says):
+        [material] = load_scene(f"{in_memory}/b.gltf").materials
+    assert [image.data for image in material.images.values()] == [PIXEL]
+    system.rm("/meshes/red.png")
+    with pytest.warns(umbel.LoadWarning, match="could not be fetched: 'red.png', 'red.ktx2'"):
+        assert load_scene(f"{in_memory}/b.gltf").materials[0].images == {}
+
+
 def test_coordinate_systems_come_along(folder: Path, in_memory: str) -> None:
     wkt = b'PROJCS["ETRS89 / UTM zone 32N"]'
     (folder / "c.prj").write_bytes(wkt)
