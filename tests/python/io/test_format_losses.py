@@ -133,6 +133,17 @@ def test_ply_says_what_it_leaves_out(tmp_path: Path) -> None:
     assert b"comment copyright: me, myself\n" in (tmp_path / "a.ply").read_bytes()
 
 
+def test_ply_says_that_colours_are_rounded(tmp_path: Path) -> None:
+    mesh = umbel.shapes.blob(2)
+    mesh.colors = np.full((len(mesh.positions), 4), 51 / 255, np.float32)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        umbel.save(tmp_path / "a.ply", mesh)
+    mesh.colors[0, 0] = 0.5
+    with pytest.warns(umbel.LoadWarning, match="colours between 8-bit steps"):
+        umbel.save(tmp_path / "a.ply", mesh)
+
+
 @pytest.mark.parametrize("extension", [".obj", ".ply", ".glb"])
 def test_plain_meshes_lose_nothing(tmp_path: Path, extension: str) -> None:
     with warnings.catch_warnings():

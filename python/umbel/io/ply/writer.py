@@ -14,6 +14,8 @@ from umbel.io.files import write_all
 from umbel.io.format_losses import attribute_losses, copyright_line
 from umbel.io.ply.names import ALPHA, COLOR, NORMAL, POSITION, TANGENT, UV
 
+_BYTE = 0.01
+"""How far from a whole number a colour may be that is a byte, as bytes are made floats."""
 _TYPES = {"|u1": "uchar", "<f4": "float", "<f8": "double"}
 
 
@@ -34,9 +36,11 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     ):
         if array is not None:
             fields += [(name, "<f4", array[:, k]) for k, name in enumerate(names)]
+    is_rounded = False
     if mesh.colors is not None:
         with np.errstate(invalid="ignore"):
             colors = np.nan_to_num(np.clip(np.rint(mesh.colors * 255.0), 0, 255)).astype(np.uint8)
+            is_rounded = bool((np.abs(mesh.colors * 255.0 - colors) > _BYTE).any())
         names = (*COLOR[0], *ALPHA[0])
         fields += [(name, "|u1", colors[:, k]) for k, name in enumerate(names)]
     vertices = np.empty(n, [(name, kind) for name, kind, _ in fields])
@@ -57,6 +61,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     if copyright_line(mesh):
         lines.insert(2, f"comment {copyright_line(mesh)}")
     lost = [*_material_losses(mesh), *attribute_losses(mesh)]
+    lost += ["colours between 8-bit steps"] if is_rounded else []
     if lost:
         warn_lost(f"{path}: PLY has no place for", lost, most=8)
     header = "\n".join([*lines, "end_header", ""]).encode()
