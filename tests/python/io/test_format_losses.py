@@ -126,6 +126,16 @@ def test_obj_says_that_it_has_no_samplers_and_no_backs(tmp_path: Path) -> None:
         umbel.save(tmp_path / "a.obj", mesh)
 
 
+@pytest.mark.parametrize("name", ["part #1", "a  b", " lead", "-o 1", "#x", "end\\", "x#y z"])
+def test_obj_files_of_any_name_find_their_materials(tmp_path: Path, name: str) -> None:
+    (tmp_path / f"{name}.png").write_bytes(image(2).encoded())
+    for given in (image(1), TextureImage(path=tmp_path / f"{name}.png")):
+        mesh = square(umbel.Material(name="#1", images={"base_color": given}))
+        umbel.save(tmp_path / f"{name}.obj", mesh)
+        [material] = umbel.load(tmp_path / f"{name}.obj").materials
+        assert material.images["base_color"].encoded() == given.encoded()
+
+
 def test_ply_says_what_it_leaves_out(tmp_path: Path) -> None:
     with pytest.warns(umbel.LoadWarning, match="the material; textures; .*cameras") as said:
         umbel.save(tmp_path / "a.ply", rich())

@@ -174,11 +174,11 @@ def _some_floats(words: list[str]) -> list[float]:
 
 
 def unique_names(materials: list[Material]) -> list[str]:
-    """A name without white space for each, no two alike."""
+    """A name that is one word and no comment for each, no two alike."""
     names: list[str] = []
     seen: set[str] = set()
     for k, material in enumerate(materials):
-        name = re.sub(r"\s+", "_", material.name.strip()) or f"material_{k}"
+        name = re.sub(r"\s+|^#", "_", material.name.strip()) or f"material_{k}"
         while name in seen:
             name = f"{name}_{k}"
         seen.add(name)

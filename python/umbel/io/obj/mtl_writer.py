@@ -24,8 +24,16 @@ _COAT, _IOR = "KHR_materials_clearcoat", "KHR_materials_ior"
 _COAT_FACTORS = {"clearcoatFactor": "Pc", "clearcoatRoughnessFactor": "Pcr"}
 
 
+def readable(name: str) -> str:
+    """A file's name as readers of OBJ find it in a line: where they would take a part for a
+    comment, an option or the line's end, without those signs."""
+    if name == " ".join(name.split()) and not re.search(r"^[-#]|\s#|\\", name):
+        return name
+    return re.sub(r"[^\w.-]+", "_", name).strip("-") or "_"
+
+
 class MtlWriter:
-    """A library beside an OBJ file `path`.
+    """A library beside an OBJ file `path`, named `stem`.mtl.
 
     `text` is the library, `files` are the images that belong beside it, `lost` says what it cannot
     hold. Where `flips`, the v of texture coordinates count from the image's top, and must be turned
@@ -33,7 +41,7 @@ class MtlWriter:
     """
 
     def __init__(self, path: Path, materials: list[Material]) -> None:
-        self.folder, self.stem = path.absolute().parent, path.stem
+        self.folder, self.stem = path.absolute().parent, readable(path.stem)
         self.names = unique_names(materials)
         self.files: dict[str, bytes] = {}
         self.lost: list[str] = []
@@ -130,7 +138,8 @@ class MtlWriter:
         return self._stored(out.getvalue(), f"{self._base(image, '')}_{kind}".strip("_"), ".png")
 
     def _file(self, image: TextureImage, slot: str) -> str:
-        if image.path is not None and image.path.absolute().parent == self.folder:
+        beside = image.path is not None and image.path.absolute().parent == self.folder
+        if image.path is not None and beside and readable(image.path.name) == image.path.name:
             return image.path.name
         data = image.encoded()
         suffix = _SUFFIXES.get(mime_type(data))

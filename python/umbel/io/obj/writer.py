@@ -30,7 +30,7 @@ def write_obj(path: Path, mesh: Mesh) -> None:
     for name, data in library.files.items():
         write_all(path.with_name(name), [data])
     if materials:
-        write_all(path.with_suffix(".mtl"), [library.text.encode()])
+        write_all(path.with_name(f"{library.stem}.mtl"), [library.text.encode()])
     lost = [*_losses(mesh), *library.lost]
     if lost:
         warn_lost(f"{path}: OBJ has no place for", lost, most=8)
@@ -41,7 +41,7 @@ def write_obj(path: Path, mesh: Mesh) -> None:
         if copyright_line(mesh):
             file.write(f"# {copyright_line(mesh)}\n".encode())
         if materials:
-            file.write(f"mtllib {path.stem}.mtl\n".encode())
+            file.write(f"mtllib {library.stem}.mtl\n".encode())
         points: NDArray[Any] = mesh.vertices
         row = "v" + (" %.9g" if points.dtype == np.float32 else " %r") * 3
         if mesh.colors is not None:
