@@ -44,7 +44,8 @@ def parse_container(data: bytes, where: str) -> tuple[Json, bytes | None]:
 def parse_json(text: bytes, where: str) -> Json:
     """The object that a file's JSON is."""
     try:
-        root = json.loads(text.decode("utf-8-sig"))
+        # Some writers pad a chunk with zeros.
+        root = json.loads(text.rstrip(b"\0").decode("utf-8-sig"))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise Error(f"{where}: its JSON is corrupt: {error}") from None
     if not isinstance(root, dict):

@@ -137,6 +137,17 @@ def test_content_wins_over_the_extension(tmp_path: Path) -> None:
     assert len(read(tmp_path, b.glb(), "mesh.ply").triangles) == 4
 
 
+def test_zeros_behind_the_json_are_no_part_of_it(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.scene(b.node(mesh=b.tetra()))
+    while b.glb().count(b"}  ") == 0:
+        b.root["asset"]["generator"] = b.root["asset"].get("generator", "") + "x"
+    data = b.glb()
+    end = 20 + int.from_bytes(data[12:16], "little")
+    padded = data[:end].rstrip(b" ").ljust(end, b"\0") + data[end:]
+    assert len(read(tmp_path, padded).triangles) == 4
+
+
 def damaged(change: Any) -> GltfBuilder:
     b = GltfBuilder()
     b.scene(b.node(mesh=b.tetra()))
