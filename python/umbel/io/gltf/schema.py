@@ -124,14 +124,15 @@ def _check(value: Any, expected: Any, place: str, where: str) -> None:
             for k, item in enumerate(value):
                 _check(item, expected[0], f"{place}[{k}]", where)
     elif not _is(value, expected):
-        article = "an" if expected[0] in "io" else "a"
-        raise _wrong(value, f"{article} {expected}", place, where)
+        raise _wrong(value, _named(expected), place, where)
 
 
 def _check_all(values: list[Any], expected: str, place: str, where: str) -> None:
     for k, value in enumerate(values):
+        if expected == "integer" and isinstance(value, float) and value.is_integer():
+            values[k] = value = int(value)
         if not _is(value, expected):
-            raise _wrong(value, f"a {expected}", f"{place}[{k}]", where)
+            raise _wrong(value, _named(expected), f"{place}[{k}]", where)
 
 
 def _is(value: Any, kind: str) -> bool:
@@ -142,6 +143,10 @@ def _is(value: Any, kind: str) -> bool:
             return False
         return abs(value) < 1e300 if isinstance(value, int) else math.isfinite(value)
     return isinstance(value, {"text": str, "flag": bool, "object": dict}[kind])
+
+
+def _named(kind: str) -> str:
+    return f"{'an' if kind[0] in 'io' else 'a'} {kind}"
 
 
 def _wrong(value: Any, expected: str, place: str, where: str) -> Error:

@@ -50,6 +50,8 @@ def put(path: str, value: Any) -> Any:
         (put("accessors.0.count", -1), "count -1"),
         (put("accessors.0.count", 3), None),
         (put("accessors.0.count", 4.0), None),
+        (put("scenes.0.nodes", [0.0]), None),
+        (put("scenes.0.nodes", [0.5]), r"scenes\[0\].nodes\[0\] should be an integer, not 0.5"),
         (put("accessors.0.count", 4.5), "count should be an integer, not 4.5"),
         (put("accessors.0.componentType", 5127), "component type 5127"),
         (put("accessors.0.type", "VEC2"), "POSITION of 2 components"),
