@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import urllib.parse
 from pathlib import Path
 
@@ -28,3 +29,13 @@ def images_beside(asset: Path) -> dict[str, Path]:
         if path is not None and path.suffix.lower() in _KINDS and path.is_file():
             found[name] = path
     return found
+
+
+def served_name(asset: Path) -> str:
+    """The name that pages know an asset by: its own, without what is no text."""
+    return re.sub("[\ud800-\udfff]", "_", asset.name)
+
+
+def address_of(asset: Path) -> str:
+    """That name as a relative address, with what means something there encoded."""
+    return re.sub("[#?%]", lambda found: urllib.parse.quote(found.group()), served_name(asset))

@@ -15,7 +15,7 @@ from pathlib import Path
 from urllib.parse import quote, unquote, urlsplit
 
 from umbel.errors import Error
-from umbel.viewer.files import images_beside
+from umbel.viewer.files import address_of, images_beside, served_name
 
 PAGE = Path(__file__).parents[1] / "page"
 _CHUNK = 1 << 18
@@ -71,7 +71,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             path = unquote(urlsplit(self.path).path).lstrip("/")
             image = self.server.images.get(path.removeprefix("asset/"))
-            if path == f"asset/{self.server.asset.name}":
+            if path == f"asset/{served_name(self.server.asset)}":
                 self._send_file(self.server.asset, "application/octet-stream", with_body)
             elif image and path.startswith("asset/"):
                 kind = mimetypes.guess_type(image.name)[0] or "application/octet-stream"
@@ -160,7 +160,8 @@ class Server:
     def __init__(self, asset: Path, port: int = 0) -> None:
         self._server = _Server(asset, port)
         self.url = (
-            f"http://127.0.0.1:{self._server.server_address[1]}/?asset=asset/{quote(asset.name)}"
+            f"http://127.0.0.1:{self._server.server_address[1]}/?asset=asset/"
+            f"{quote(address_of(asset))}"
         )
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()

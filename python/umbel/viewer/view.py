@@ -11,7 +11,7 @@ from pathlib import Path
 
 from umbel.errors import Error
 from umbel.io.textures.images import beside
-from umbel.viewer.files import images_beside
+from umbel.viewer.files import address_of, images_beside, served_name
 from umbel.viewer.server import Server, page_folder
 
 
@@ -71,7 +71,7 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
     with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
         whole = Path(made) / "viewer"
         shutil.copytree(page, whole)
-        shutil.copyfile(asset, whole / asset.name)
+        shutil.copyfile(asset, whole / served_name(asset))
         for name, image in images_beside(asset).items():
             copy = beside(whole, name)
             if copy is not None and not copy.exists():
@@ -79,7 +79,7 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
                 shutil.copyfile(image, copy)
         index = whole / "index.html"
         text = index.read_text(encoding="utf-8")
-        named = f'<body data-asset="{html.escape(asset.name)}">'
+        named = f'<body data-asset="{html.escape(address_of(asset))}">'
         index.write_text(text.replace("<body>", named), encoding="utf-8")
         if target.exists():
             target.rmdir()

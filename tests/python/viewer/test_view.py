@@ -5,11 +5,12 @@ from __future__ import annotations
 import gzip
 import http.client
 import json
+import re
 import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, unquote, urljoin, urlsplit
 
 import pytest
 
@@ -200,6 +201,25 @@ def test_export_writes_a_folder_that_names_its_asset(asset: Path, tmp_path: Path
     assert list((index.parent / "assets").glob("*.js"))
     with pytest.raises(umbel.Error, match="not an empty folder"):
         umbel.export_viewer(asset, tmp_path / "site")
+
+
+@pytest.mark.parametrize("name", ["a #1", "100%", "why?", "a%20b"])
+def test_names_with_signs_of_addresses(asset: Path, tmp_path: Path, name: str) -> None:
+    odd = tmp_path / f"{name}.umbel"
+    odd.write_bytes(asset.read_bytes())
+    index = umbel.export_viewer(odd, tmp_path / "site")
+    found = re.search('data-asset="([^"]*)"', index.read_text(encoding="utf-8"))
+    assert found and unquote(urlsplit(found[1]).path) == odd.name
+    shown = umbel.view(odd)
+    try:
+        [address] = parse_qs(urlsplit(shown.url).query)["asset"]
+        parts = urlsplit(urljoin(shown.url, address.replace(" ", "%20")))
+        connection = http.client.HTTPConnection(parts.netloc, timeout=10)
+        connection.request("GET", parts.path)
+        assert connection.getresponse().read() == asset.read_bytes()
+        connection.close()
+    finally:
+        shown.close()
 
 
 def test_what_cannot_be_shown_is_refused_in_a_sentence(
