@@ -36,6 +36,11 @@ def read_bytes(path: Path, is_binary: bool = False) -> bytes:
     return data
 
 
+def text_of(name: object) -> str:
+    """A file's name for messages of the library, which takes text only."""
+    return str(name).encode("utf-8", "replace").decode()
+
+
 def read_head(path: Path, count: int = 1 << 12) -> bytes:
     """The file's first bytes, as they are."""
     return _read(path, count)

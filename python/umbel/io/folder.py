@@ -56,7 +56,7 @@ class Folder:
             )
         # A drive's letter is no scheme, and "?" or "#" that is not encoded is part of a name.
         path = parsed.path if parsed.scheme == "file" else uri
-        return self.find(urllib.parse.unquote(path), may_miss)
+        return self.find(urllib.parse.unquote(path, errors="surrogateescape"), may_miss)
 
     def _is_outside(self, name: str, found: Path) -> bool:
         if PurePosixPath(name).is_absolute() or PureWindowsPath(name).drive:

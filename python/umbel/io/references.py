@@ -140,7 +140,7 @@ def _of_gltf(text: bytes) -> Iterator[str]:
         return
     for uri in uris:
         if isinstance(uri, str) and uri[:5].lower() != "data:":
-            yield urllib.parse.unquote(uri.removeprefix("file://"))
+            yield urllib.parse.unquote(uri.removeprefix("file://"), errors="surrogateescape")
 
 
 def _rests_of_lines(data: Any, word: bytes) -> Iterable[str]:

@@ -183,7 +183,9 @@ def build_with(
     precision = exact_but(attribute_bits)
     place = _place(source, output, work, executor is not None)
     folder_path, made = place.folder, place.output
-    identity = [("format", "1"), ("library", library()), ("input", place.named)]
+    # Names of files may be no text.
+    input_named = place.named.encode("utf-8", "backslashreplace").decode()
+    identity = [("format", "1"), ("library", library()), ("input", input_named)]
     limit = limit_of(memory)
     staging = Staging(place.url, folder_path) if place.url else None
     try:

@@ -17,6 +17,8 @@ from helpers.meshes import full_mesh
 from umbel.errors import Error
 from umbel.geometry.mesh import Mesh
 from umbel.io import load, save
+from umbel.io.blocks import open_source
+from umbel.scale.build_asset import build_asset
 
 EXTENSIONS = [".glb", ".ply", ".obj"]
 
@@ -216,3 +218,16 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     (tmp_path / "a.ply.gz").write_bytes(b"\x1f\x8b\x08 not really")
     with pytest.raises(Error, match="not a whole gzip"):
         load(tmp_path / "a.ply.gz")
+
+
+@pytest.mark.parametrize("extension", [".glb", ".gltf", ".ply", ".obj", ".stl"])
+def test_names_that_are_no_text_are_written_and_read(tmp_path: Path, extension: str) -> None:
+    path = tmp_path / os.fsdecode(b"mesh \xff" + extension.encode())
+    if extension == ".stl":
+        path.write_text("solid\nendsolid\n")
+    else:
+        save(path, Mesh(TETRA_POSITIONS, TETRA_TRIANGLES))
+    count = 0 if extension == ".stl" else 4
+    assert len(load(path).triangles) == count
+    assert open_source(path, tmp_path / "work").triangles.triangles == count
+    build_asset(path, tmp_path / "mesh.umbel", unit_triangles=1000)

@@ -11,6 +11,7 @@ import numpy as np
 from umbel import _umbel
 from umbel.geometry.mesh import Material
 from umbel.io.blocks.shared_materials import SharedMaterials
+from umbel.io.files import text_of
 from umbel.io.scene import NO_MATERIAL
 
 #: Table, NumPy's name of the type without its byte order, offsets in the row, whether integers
@@ -89,7 +90,16 @@ class Layout:
             transform = None
         rows = None if transform is None else transform[:3].reshape(-1).tolist()
         self.parts.append(
-            _Part(name, columns, triangles, material, color_divisor, rows, may_miss, extras or [])
+            _Part(
+                text_of(name),
+                columns,
+                triangles,
+                material,
+                color_divisor,
+                rows,
+                may_miss,
+                extras or [],
+            )
         )
 
     def new_file(self, suffix: str) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from umbel.errors import LoadWarning
 from umbel.io.blocks.layout import Layout
-from umbel.io.files import GZIP, read_head
+from umbel.io.files import GZIP, read_head, text_of
 from umbel.io.folder import Folder
 from umbel.io.obj.reader import materials_of
 
@@ -16,7 +16,7 @@ def lay_out(layout: Layout, path: Path) -> bool:
     """Adds the file's tables; False if only the reader of whole files can read it."""
     if read_head(path).startswith(GZIP):
         return False
-    where = str(path).encode("utf-8", "replace").decode()
+    where = text_of(path)
     layout.recipe = None
     found = layout.native.add_obj(path, where, layout.new_file(""))
     for note in found["notes"]:

@@ -12,7 +12,7 @@ from umbel import _umbel
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Material
 from umbel.io.blocks.layout import Column, Layout
-from umbel.io.files import GZIP, read_head
+from umbel.io.files import GZIP, read_head, text_of
 from umbel.io.ply.data import LONGEST_HEADER, Element, read_header
 from umbel.io.ply.losses import LIST, warn_of_losses
 from umbel.io.ply.names import (
@@ -136,7 +136,7 @@ def _faces(
         material = None if one.count_type or one.type[0] == "f" else material
     rows = _umbel.FaceRows(
         path,
-        str(path),
+        text_of(path),
         offset,
         faces.count,
         big,

@@ -171,7 +171,7 @@ def _glb(path: Path, root: Json, arrays: Arrays) -> list[bytes]:
 def _write_apart(path: Path, root: Json, arrays: Arrays) -> None:
     if arrays.size:
         binary = path.with_suffix(".bin")
-        uri = urllib.parse.quote(binary.name)
+        uri = urllib.parse.quote(binary.name, errors="surrogateescape")
         root["buffers"] = [{"byteLength": arrays.size, "uri": uri}]
         write_all(binary, arrays.chunks)
     write_all(path, [_text(root)])

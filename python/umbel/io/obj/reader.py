@@ -13,6 +13,7 @@ from umbel import _umbel
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Float32Array, Material, Mesh, area_weighted_normals, unit_normals
 from umbel.io.colors import MOST_BRIGHT
+from umbel.io.files import text_of
 from umbel.io.folder import Folder
 from umbel.io.obj.mtl import read_mtl
 from umbel.io.scene import Instance, Scene, with_default
@@ -21,7 +22,7 @@ from umbel.io.scene import Instance, Scene, with_default
 def read_obj(source: bytes | Path, where: str, folder: Folder | None = None) -> Scene:
     """The scene in an OBJ file or its bytes; `where` names the file in errors, material libraries
     are looked for in `folder`."""
-    where = where.encode("utf-8", "replace").decode()  # names of files may be no text
+    where = text_of(where)
     if isinstance(source, Path):
         arrays = _umbel.read_obj(source, where)
     else:
