@@ -72,7 +72,7 @@ def _normals(given: Float32Array | None, missing: Any, mesh: Mesh) -> Float32Arr
 def materials_of(arrays: dict[str, Any], folder: Folder | None, where: str) -> list[Material]:
     """The materials that `material_names` name, of the `libraries`."""
     library: dict[str, Material] = {}
-    for text in arrays["libraries"]:
+    for text in dict.fromkeys(arrays["libraries"]):
         library.update(_library(_text(text), folder, where))
     names = [_text(name) for name in arrays["material_names"]]
     missing = [repr(name) for name in names if name not in library] if library else []

@@ -31,6 +31,11 @@ def test_statements_that_are_left_out_are_named_once(tmp_path: Path) -> None:
     assert said == [f"{tmp_path / 'a.mtl'}: left out: Ka, Ks, illum, map_Ns, Kd xyz"]
 
 
+def test_a_library_that_is_named_twice_is_read_once(tmp_path: Path) -> None:
+    _, [said] = read(tmp_path, "newmtl m\nKa 1 1 1\n", "m\nmtllib a.mtl\nmtllib a.mtl")
+    assert said.endswith("left out: Ka")
+
+
 def test_options_of_maps_that_are_left_out_are_named(tmp_path: Path) -> None:
     library = "newmtl m\nmap_Kd -mm 0.1 2 -o 1 -clamp on a.png\nnorm -bm 2 -imfchan r b.png\n"
     material, said = read(tmp_path, library)
