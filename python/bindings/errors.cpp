@@ -1,4 +1,5 @@
 // umbel::Error as umbel.Error, and umbel.Cancelled where a progress callback asked to stop.
+#include <cstring>
 #include <iterator>
 
 #include "bind.hpp"
@@ -15,7 +16,11 @@ void raise(const Error& error) {
   const nb::module_ errors = nb::module_::import_("umbel.errors");
   const bool cancelled = error.code() == ErrorCode::kCancelled;
   const nb::object type = errors.attr(cancelled ? "Cancelled" : "Error");
-  const nb::object value = type(error.what());
+  // What a message cites of a file may be no UTF-8.
+  const char* const what = error.what();
+  const auto size = static_cast<Py_ssize_t>(std::strlen(what));
+  const nb::object text = nb::steal(PyUnicode_DecodeUTF8(what, size, "replace"));
+  const nb::object value = type(text);
   value.attr("code") = kNames[static_cast<size_t>(error.code())];
   PyErr_SetObject(type.ptr(), value.ptr());
 }

@@ -16,6 +16,7 @@ from helpers.refusals import refused
 from umbel import Bvh, KdTree, TwoLevelGrid, build_lod, cluster_mesh, validate
 from umbel.errors import Error, LoadWarning
 from umbel.io import load
+from umbel.io.blocks import open_source
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
@@ -192,6 +193,16 @@ def test_another_kind_of_text_is_refused_at_its_first_word(tmp_path: Path, text:
     line = text.count("\n", 0, len(text) - len(text.lstrip())) + 1
     with pytest.raises(Error, match=rf"mesh.obj, line {line}: .* is no statement of OBJ"):
         read(tmp_path, text)
+
+
+def test_words_that_are_no_text_are_cited_all_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_bytes(SQUARE.encode() + b"f 1 2 gr\xfcn\n")
+    says = "line 5: 'gr\N{REPLACEMENT CHARACTER}n' is no corner of a face"
+    with pytest.raises(Error, match=says):
+        load(path)
+    with pytest.raises(Error, match=says):
+        open_source(path, tmp_path / "work")
 
 
 def test_a_vertex_that_is_not_there_is_named_as_written_and_its_remedy(tmp_path: Path) -> None:
