@@ -67,7 +67,9 @@ def lay_out(layout: Layout, path: Path) -> bool:
     check_header(root, str(path))
     try:
         plan = _Plan(root, path, binary)
-    except _Whole:
+    except Error:
+        raise
+    except (_Whole, LookupError, TypeError, ValueError):  # the reader of whole files says more
         return False
     plan.add_to(layout)
     warn_of_nodes(plan.scene(), path)

@@ -12,6 +12,7 @@ import pytest
 
 import umbel
 from helpers.commands import DATA
+from helpers.gltf_builder import GltfBuilder
 from umbel.errors import LoadWarning
 from umbel.geometry.arrays import extras_of
 from umbel.io.blocks import Source, open_source
@@ -247,6 +248,16 @@ def test_broken_files_are_refused_by_name(tmp_path: Path) -> None:
         open_source(iter([(np.eye(3), [[0, 1, 3]])]), tmp_path)
     with pytest.raises(umbel.Error, match="there are no blocks"):
         open_source(iter([]), tmp_path)
+
+
+@pytest.mark.parametrize("missing", ["componentType", "type", "count"])
+def test_accessors_that_lack_something_are_named(tmp_path: Path, missing: str) -> None:
+    b = GltfBuilder()
+    b.scene(b.node(mesh=b.tetra()))
+    del b.root["accessors"][0][missing]
+    (tmp_path / "a.glb").write_bytes(b.glb())
+    with pytest.raises(umbel.Error, match=r"a.glb: .*accessors\[0\] has"):
+        open_source(tmp_path / "a.glb", tmp_path / "work")
 
 
 OBJ = """mtllib none.mtl
