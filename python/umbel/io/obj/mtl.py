@@ -17,6 +17,8 @@ _MAPS = {
     "map_ks": "specular",
 }  # fmt: skip
 _VALUES = {"kd", "ke", "d", "tr", "pm", "pr", "ns", "pc", "pcr", "ni"}
+#: Of lights and rules of shading that no material here has: nearly every library has them.
+_IDLE = {"ka", "illum"}
 _ANY_MAP = ("map_", "bump", "norm", "disp", "decal", "refl")
 #: Options of maps with one word, and those with up to three numbers or two.
 _WORDS = ("-blendu", "-blendv", "-boost", "-texres", "-clamp", "-bm", "-imfchan", "-type", "-cc",
@@ -79,6 +81,8 @@ class _Statements:
         values = _some_floats(words)
         if key in _MAPS:
             return self._map(_MAPS[key], word, words, line)
+        if key in _IDLE or (key == "ks" and values and max(values) == min(values) <= 0.5):
+            return []  # gloss as it is without the statement, or less
         if key not in _VALUES or not values:
             return [" ".join([word, *words[:1]]) if key in _VALUES else word]
         if key in ("kd", "ke"):
@@ -101,7 +105,7 @@ class _Statements:
         elif key in ("pc", "pcr"):
             coat = material.extensions.setdefault("KHR_materials_clearcoat", {})
             coat["clearcoatFactor" if key == "pc" else "clearcoatRoughnessFactor"] = values[0]
-        elif key == "ni" and values[0] > 1:  # 1, of no refraction, is what many programs write
+        elif key == "ni" and values[0] > 1 and values[0] != 1.5:  # 1.5 is as without it
             material.extensions["KHR_materials_ior"] = {"ior": values[0]}
         return []
 
