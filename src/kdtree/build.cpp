@@ -1,5 +1,6 @@
 // From a mesh or boxes to a kd-tree: checks the input, and runs a builder.
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <numeric>
 #include <string>
@@ -17,17 +18,26 @@ constexpr std::array<std::string_view, 2> kNames{"exact", "binned"};
 /// Nodes are numbered by 30 bits.
 constexpr uint64_t kMostReferences = uint64_t{1} << 28;
 
-void check_range(const char* name, double value, double low, double high) {
+/// In as few digits as tell it from others.
+template <typename Number>
+std::string shortest(Number value) {
+  std::array<char, 32> text;
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
+  return {text.data(), end};
+}
+
+template <typename Number>
+void check_range(const char* name, Number value, Number low, Number high) {
   if (value >= low && value <= high) return;
-  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
-                                               ", but must be from " + std::to_string(low) +
-                                               " to " + std::to_string(high));
+  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + shortest(value) +
+                                               ", but must be from " + shortest(low) + " to " +
+                                               shortest(high));
 }
 
 void check_cost(const char* name, float value) {
   if (value > 0 && std::isfinite(value)) return;
-  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
-                                               ", but must be positive and finite");
+  throw Error(ErrorCode::kInvalidArgument,
+              std::string(name) + " is " + shortest(value) + ", but must be positive and finite");
 }
 
 void check_config(const Config& c) {
@@ -38,12 +48,12 @@ void check_config(const Config& c) {
     throw Error(ErrorCode::kInvalidArgument, "invalid must be to refuse or to drop");
   check_cost("cost.traversal", c.cost.traversal);
   check_cost("cost.intersection", c.cost.intersection);
-  check_range("empty_bonus", double(c.empty_bonus), 0, 0.9);
-  check_range("max_depth", c.max_depth, 0, 64);
-  check_range("bad_refines", c.bad_refines, 0, 64);
-  check_range("max_references", double(c.max_references), 1, 64);
-  check_range("bins", c.bins, 4, 256);
-  check_range("target_leaf_size", c.target_leaf_size, 0, 255);
+  check_range("empty_bonus", c.empty_bonus, 0.0f, 0.9f);
+  check_range("max_depth", c.max_depth, 0u, 64u);
+  check_range("bad_refines", c.bad_refines, 0u, 64u);
+  check_range("max_references", c.max_references, 1.0f, 64.0f);
+  check_range("bins", c.bins, 4u, 256u);
+  check_range("target_leaf_size", c.target_leaf_size, 0u, 255u);
 }
 
 uint32_t depth_limit(const Config& config, size_t count) {

@@ -279,6 +279,14 @@ TEST(KdTreeBuild, refuses_what_is_wrong) {
   refused([](auto& c) { c.max_references = 0.5f; });
   refused([](auto& c) { c.bins = 3; });
   refused([](auto& c) { c.builder = static_cast<kdtree::Builder>(2); });
+  kdtree::Config config;
+  config.empty_bonus = 0.95f;
+  try {
+    kdtree::build(mesh.view(), config);
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_STREQ(error.what(), "empty_bonus is 0.95, but must be from 0 to 0.9");
+  }
   EXPECT_THROW(kdtree::builder_by_name("octree"), Error);
   EXPECT_EQ(kdtree::builder_by_name("binned"), kdtree::Builder::kBinned);
 

@@ -49,7 +49,10 @@ def command(
     web page. The result takes its name when all of it is written."""
     if not is_asset(path):
         fail(f"{path}: only .umbel files are exported; `umbel build` makes one of a mesh")
-    is_glb = output.suffix.lower() == ".glb"
+    suffix = output.suffix.lower()
+    if format is None and suffix in (".gltf", ".obj", ".ply"):
+        fail(f"{output}: a folder or a .glb is written; `umbel extract` writes {suffix}", USAGE)
+    is_glb = suffix == ".glb"
     chosen = format or (ExportFormat.glb if is_glb else ExportFormat.tiles)
     if chosen is not ExportFormat.tiles and (skirts or up is not None):
         fail(f"--skirts and --up are for --format 3dtiles, not {chosen.value}", USAGE)

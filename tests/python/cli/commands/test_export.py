@@ -49,6 +49,13 @@ def test_a_glb_by_its_name(umbel_command: Umbel, asset: Path, tmp_path: Path) ->
     assert umbel_command(*page).status == 2
 
 
+def test_meshes_are_left_to_extract(umbel_command: Umbel, asset: Path, tmp_path: Path) -> None:
+    done = umbel_command("export", asset, "-o", tmp_path / "a.gltf", "--json")
+    assert done.status == 2
+    assert "`umbel extract` writes .gltf" in done.json["error"]
+    assert not (tmp_path / "a.gltf").exists()
+
+
 def test_only_assets_are_exported(umbel_command: Umbel, tmp_path: Path) -> None:
     done = umbel_command("export", tmp_path / "a.ply", "-o", tmp_path / "t", "--json")
     assert done.status == 1
