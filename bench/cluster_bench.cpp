@@ -1,7 +1,7 @@
 // Clusters of at most 128 triangles: ours beside meshoptimizer's buildMeshletsSpatial, in one
 // process, on binary PLY meshes named on the command line. Prints medians and ratios.
 //
-//   cluster_bench [--runs N] [--short] MESH.ply...
+//   cluster_bench [--runs N] [--short] MESH...
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "mesh_reader.hpp"
 #include "meshoptimizer.h"
-#include "ply_reader.hpp"
 #include "umbel/cluster.hpp"
 
 namespace {
@@ -189,7 +189,7 @@ int main(int argc, char** argv) {
       all = false;
       continue;
     }
-    const Mesh mesh = bench::read_ply(argument);
+    const Mesh mesh = bench::read_mesh(argument);
     const std::vector<Aabb> boxes = boxes_of(mesh);
     const umbel::ClusterInput input = input_of(mesh, boxes);
     const size_t n = mesh.triangles.size();

@@ -8,7 +8,7 @@
 // texture coordinates, by a projection; clusterlod.h weighs them as its demo does normals.
 //
 //   lod_bench [--runs N] [--triangles N] [--samples N] [--processor-time] [--measured-error]
-//             [--attributes] [--ray-tracing] MESH.ply...
+//             [--attributes] [--ray-tracing] MESH...
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -28,8 +28,8 @@
 #include "arguments.hpp"
 #include "base/math.hpp"
 #include "closest_point.hpp"
+#include "mesh_reader.hpp"
 #include "peak_memory.hpp"
-#include "ply_reader.hpp"
 #include "umbel/lod.hpp"
 
 #ifdef UMBEL_HAS_CLUSTERLOD
@@ -240,7 +240,7 @@ Outcome in_child(const std::string& path, const Options& options,
   if (child == 0) {
     close(ends[0]);
     try {
-      umbel::Mesh mesh = bench::read_ply(path);
+      umbel::Mesh mesh = bench::read_mesh(path);
       if (mesh.triangles.empty()) bench::fail(path, "has no triangles");
       if (options.attributes) add_attributes(mesh);
       Outcome outcome = measure(mesh);
@@ -315,7 +315,7 @@ Options parse(int count, char** arguments) {
        {"--attributes", &options.attributes},
        {"--ray-tracing", &options.ray_tracing}},
       "[--runs N] [--triangles N] [--samples N] [--processor-time] [--measured-error] "
-      "[--attributes] [--ray-tracing] MESH.ply...");
+      "[--attributes] [--ray-tracing] MESH...");
   return options;
 }
 

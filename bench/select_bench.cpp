@@ -2,7 +2,7 @@
 // which must agree. Groups are made small, so that there are as many as in a mesh of a hundred
 // times the size.
 //
-//   select_bench [--runs N] MESH.ply...
+//   select_bench [--runs N] MESH...
 //
 // Medians of N runs of processor time for four views: an error that shows a hundredth of the
 // triangles, and a camera of 1080 lines and one pixel from two diagonals away, from the side of
@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "base/math.hpp"
-#include "ply_reader.hpp"
+#include "mesh_reader.hpp"
 #include "umbel/lod.hpp"
 
 namespace {
@@ -57,7 +57,7 @@ Views seen_from(const char* name, const umbel::Aabb& box, float along) {
 }
 
 void measure(const std::string& path, int runs) {
-  const umbel::Mesh mesh = bench::read_ply(path);
+  const umbel::Mesh mesh = bench::read_mesh(path);
   lod::Config config;
   config.max_triangles = config.max_vertices = 16;
   config.min_group = 2;
@@ -99,7 +99,7 @@ int main(int count, char** arguments) {
       meshes.emplace_back(arguments[i]);
   }
   if (meshes.empty()) {
-    std::fprintf(stderr, "usage: %s [--runs N] MESH.ply...\n", arguments[0]);
+    std::fprintf(stderr, "usage: %s [--runs N] MESH...\n", arguments[0]);
     return 2;
   }
   std::printf(

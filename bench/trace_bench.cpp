@@ -2,7 +2,7 @@
 // same number of rays would take as plain queries, camera rays and then diffuse bounces. Medians
 // of interleaved repetitions, as Markdown.
 //
-//   trace_bench [--runs N] [--size PIXELS] [--samples N] MESH.ply...
+//   trace_bench [--runs N] [--size PIXELS] [--samples N] MESH...
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -11,8 +11,8 @@
 
 #include "arguments.hpp"
 #include "clocks.hpp"
+#include "mesh_reader.hpp"
 #include "picture_rays.hpp"
-#include "ply_reader.hpp"
 #include "umbel/trace.hpp"
 
 namespace {
@@ -33,7 +33,7 @@ double rate_of(const TriangleQueries& structure, const std::vector<Ray>& rays) {
 }
 
 void run_mesh(const std::string& path, const Options& options) {
-  const Mesh mesh = bench::read_ply(path);
+  const Mesh mesh = bench::read_mesh(path);
   const trace::Scene scene = trace::Scene::build(mesh.view());
   const umbel::Camera camera = trace::auto_camera(scene, options.size, options.size);
   const std::vector<Ray> primary = bench::camera_rays(camera, options.size, options.samples);
