@@ -68,6 +68,7 @@ class BitWriter {
 
  private:
   void emit(uint32_t bytes) {
+    if (bytes == 0) return;
     const uint64_t word = little_endian(held_);
     const size_t end = out_.size();
     out_.resize(end + bytes);

@@ -40,6 +40,13 @@ TEST(Bits, come_back_as_they_were_written) {
   }
 }
 
+TEST(Bits, of_nothing_are_no_bytes) {
+  std::vector<std::byte> bytes;
+  BitWriter out(bytes);
+  out.finish();
+  EXPECT_TRUE(bytes.empty());
+}
+
 TEST(Bits, must_end_where_they_end) {
   const std::vector<Item> items = random_items(7, 100);
   std::vector<std::byte> bytes = written(items);
