@@ -95,7 +95,7 @@ class ByTrimesh:
     """trimesh's manager; it answers whether, and pairs of objects, not of triangles."""
 
     def __init__(self, mesh: umbel.Mesh) -> None:
-        import fcl  # noqa: F401  # of which trimesh's manager is made; without it, a ValueError
+        import fcl  # noqa: F401  # trimesh's manager needs it, and raises a ValueError without
         import trimesh
 
         shape = trimesh.Trimesh(mesh.positions, mesh.triangles, process=False)

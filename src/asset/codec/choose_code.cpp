@@ -6,8 +6,8 @@
 namespace umbel::asset {
 namespace {
 
-/// Of a code whose kind is said but for kZeroApart, for numbers that are `apart` larger where that
-/// is 1.
+/// Bits of all remainders in a Rice or exponential code. With `apart` 1, the remainders are those
+/// that are not 0, less 1, and 0 has a class of its own.
 template <bool kExponential>
 uint64_t bits_of(std::span<const uint32_t> remainders, uint32_t parameter, uint32_t apart) {
   const uint32_t most = kUnaryEscape - apart;

@@ -2,7 +2,7 @@
 //
 // Rice's classes are equally large (Rice, "Some Practical Universal Noiseless Coding Techniques",
 // 1979), those of exponential Golomb codes double (Teuhola, "A Compression Method for Clustered
-// Bit-Vectors", 1978), which suits remainders of which few are large. Either may have a class of
+// Bit-Vectors", 1978), which suits remainders if few are large. Either may have a class of
 // the number 0 alone in front, for surfaces that are flat or along an axis.
 #pragma once
 

@@ -180,7 +180,7 @@ class ClusterReader {
       read_any(column, code, sources);
   }
 
-  /// The largest parameter of Rice codes of which one refill holds two.
+  /// The largest parameter at which one refill holds two Rice codes.
   static constexpr uint32_t kMostPlain = (56 - 2 * kUnaryEscape) / 2;
   /// Whether positions have such codes, the same for all vertices.
   static bool is_plain(const AttributeCode& code) {

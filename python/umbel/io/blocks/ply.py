@@ -13,19 +13,9 @@ from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Material
 from umbel.io.blocks.layout import Column, Layout
 from umbel.io.files import GZIP, read_head, text_of
+from umbel.io.ply import names as ply_names
 from umbel.io.ply.data import LONGEST_HEADER, Element, read_header
 from umbel.io.ply.losses import LIST, warn_of_losses
-from umbel.io.ply.names import (
-    ALPHA,
-    COLOR,
-    CORNER_UVS,
-    INDEX_LISTS,
-    MATERIAL_ID,
-    NORMAL,
-    POSITION,
-    TANGENT,
-    UV,
-)
 from umbel.io.ply.reader import MOST_MATERIALS, WHOLE_COLORS
 
 
@@ -98,14 +88,14 @@ def _vertex_columns(vertex: Element, table: int) -> dict[str, Column] | None:
         return next((names for names in choices if all(n in properties for n in names)), ())
 
     groups = {
-        "positions": names_of(POSITION),
-        "normals": names_of(NORMAL),
-        "tangents": names_of(TANGENT),
-        "uvs": names_of(UV),
-        "colors": names_of(COLOR),
+        "positions": names_of(ply_names.POSITION),
+        "normals": names_of(ply_names.NORMAL),
+        "tangents": names_of(ply_names.TANGENT),
+        "uvs": names_of(ply_names.UV),
+        "colors": names_of(ply_names.COLOR),
     }
     if groups["colors"]:
-        groups["colors"] += names_of(ALPHA)
+        groups["colors"] += names_of(ply_names.ALPHA)
     columns: dict[str, Column] = {}
     for stream, names in groups.items():
         if not names:
@@ -124,13 +114,13 @@ def _faces(
     """The number of triangles, the columns of indices and materials, where the faces end, and the
     largest material; None if only the reader of whole files can read them."""
     names = [p.name for p in faces.properties]
-    lists = [name for name in INDEX_LISTS if name in names]
-    if not lists or CORNER_UVS in names:
+    lists = [name for name in ply_names.INDEX_LISTS if name in names]
+    if not lists or ply_names.CORNER_UVS in names:
         return None
     index = names.index(lists[0])
     if faces.properties[index].count_type is None or faces.properties[index].type[0] == "f":
         return None
-    material = next((names.index(name) for name in MATERIAL_ID if name in names), None)
+    material = next((names.index(name) for name in ply_names.MATERIAL_ID if name in names), None)
     if material is not None:
         one = faces.properties[material]
         material = None if one.count_type or one.type[0] == "f" else material

@@ -7,18 +7,8 @@ import warnings
 from collections.abc import Iterator, Mapping
 
 from umbel.errors import LoadWarning
+from umbel.io.ply import names as ply_names
 from umbel.io.ply.data import LONGEST_HEADER
-from umbel.io.ply.names import (
-    ALPHA,
-    COLOR,
-    CORNER_UVS,
-    INDEX_LISTS,
-    MATERIAL_ID,
-    NORMAL,
-    POSITION,
-    TANGENT,
-    UV,
-)
 
 LIST = "list"
 _SHOWN = 6  # names in a warning
@@ -48,7 +38,7 @@ def _losses(elements: Mapping[str, Kinds], splits: bool) -> Iterator[str]:
             used = _of_vertices(kinds)
         elif name in ("face", "tristrips"):
             used = _of_faces(kinds, splits) if name == "face" else set()
-            used.update([n for n in INDEX_LISTS if kinds.get(n) == LIST][:1])
+            used.update([n for n in ply_names.INDEX_LISTS if kinds.get(n) == LIST][:1])
         else:
             yield f"the element '{name}'"
             continue
@@ -59,20 +49,26 @@ def _losses(elements: Mapping[str, Kinds], splits: bool) -> Iterator[str]:
 
 def _of_vertices(kinds: Kinds) -> set[str]:
     used: set[str] = set()
-    for choices in (POSITION, NORMAL, UV, COLOR, TANGENT):
+    for choices in (
+        ply_names.POSITION,
+        ply_names.NORMAL,
+        ply_names.UV,
+        ply_names.COLOR,
+        ply_names.TANGENT,
+    ):
         for names in choices:
             if all(kinds.get(n, LIST) != LIST for n in names):
                 used.update(names)
-                if choices is COLOR:
-                    used.update([n for (n,) in ALPHA if kinds.get(n, LIST) != LIST][:1])
+                if choices is ply_names.COLOR:
+                    used.update([n for (n,) in ply_names.ALPHA if kinds.get(n, LIST) != LIST][:1])
                 break
     return used
 
 
 def _of_faces(kinds: Kinds, splits: bool) -> set[str]:
-    numbers = [n for n in MATERIAL_ID if kinds.get(n, LIST) != LIST][:1]
+    numbers = [n for n in ply_names.MATERIAL_ID if kinds.get(n, LIST) != LIST][:1]
     used = {n for n in numbers if kinds[n] != "f"}
-    return used | {CORNER_UVS} if splits else used
+    return used | {ply_names.CORNER_UVS} if splits else used
 
 
 def _listed(names: list[str]) -> str:

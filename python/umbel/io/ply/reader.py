@@ -24,19 +24,9 @@ from umbel.geometry.mesh import (
     unit_normals,
 )
 from umbel.io.colors import MOST_BRIGHT
+from umbel.io.ply import names as ply_names
 from umbel.io.ply.data import Columns, ListColumn, read_tables
 from umbel.io.ply.losses import LIST, warn_of_losses
-from umbel.io.ply.names import (
-    ALPHA,
-    COLOR,
-    CORNER_UVS,
-    INDEX_LISTS,
-    MATERIAL_ID,
-    NORMAL,
-    POSITION,
-    TANGENT,
-    UV,
-)
 from umbel.io.polygons import fans, strips
 from umbel.io.scene import Instance, Scene
 
@@ -90,21 +80,21 @@ def _mesh(columns: dict[str, Columns], where: str) -> Mesh:
     vertex = columns.get("vertex")
     if vertex is None:
         raise Error(f"{where} has no element 'vertex'")
-    points = _stack(vertex, POSITION)
+    points = _stack(vertex, ply_names.POSITION)
     if points is None:
         raise Error(f"{where}: element 'vertex' lacks x, y or z")
     if len(points) and not (columns.get("face") or columns.get("tristrips")):
         raise Error(f"{where} has {len(points)} vertices and no element 'face': a point cloud")
     faces = columns.get("face", {})
-    normals = _floats(_stack(vertex, NORMAL))
+    normals = _floats(_stack(vertex, ply_names.NORMAL))
     triangles, parents = _triangles(columns, where)
     materials, ids = _materials(faces, parents, where)
     mesh = Mesh(
         points,
         triangles,
         normals=None if normals is None else unit_normals(normals),
-        tangents=_floats(_stack(vertex, TANGENT)),
-        uvs=_floats(_stack(vertex, UV)),
+        tangents=_floats(_stack(vertex, ply_names.TANGENT)),
+        uvs=_floats(_stack(vertex, ply_names.UV)),
         colors=_vertex_colors(vertex),
         material_ids=ids,
         materials=materials,
@@ -130,12 +120,12 @@ def _fault(columns: dict[str, Columns], where: str) -> str:
 
 
 def _vertex_colors(vertex: Columns) -> Float32Array | None:
-    rgb = _stack(vertex, COLOR)
+    rgb = _stack(vertex, ply_names.COLOR)
     if rgb is None:
         return None
     out = np.ones((len(rgb), 4), np.float32)
     out[:, :3] = _unit(rgb)
-    alpha = _stack(vertex, ALPHA)
+    alpha = _stack(vertex, ply_names.ALPHA)
     if alpha is not None:
         out[:, 3:] = _unit(alpha)
     return out
@@ -152,7 +142,7 @@ def _unit(values: NDArray[Any]) -> Float32Array:
 
 
 def _index_list(columns: Columns, element: str, where: str) -> ListColumn | None:
-    for name in INDEX_LISTS:
+    for name in ply_names.INDEX_LISTS:
         column = columns.get(name)
         if isinstance(column, ListColumn):
             return column
@@ -194,7 +184,9 @@ def _triangles(
 def _materials(
     faces: Columns, parents: NDArray[np.int64] | None, where: str
 ) -> tuple[list[Material], UInt32Array | None]:
-    column = next((faces[k] for k in MATERIAL_ID if isinstance(faces.get(k), np.ndarray)), None)
+    column = next(
+        (faces[k] for k in ply_names.MATERIAL_ID if isinstance(faces.get(k), np.ndarray)), None
+    )
     if column is None or column.dtype.kind == "f":
         return [], None
     if parents is not None:
@@ -210,8 +202,8 @@ def _materials(
 
 def _with_corner_uvs(mesh: Mesh, faces: Columns) -> Mesh:
     """Splits vertices so that each corner has the texture coordinate that its face lists."""
-    wedge = faces.get(CORNER_UVS)
-    polygons = next((faces[k] for k in INDEX_LISTS if k in faces), None)
+    wedge = faces.get(ply_names.CORNER_UVS)
+    polygons = next((faces[k] for k in ply_names.INDEX_LISTS if k in faces), None)
     if (
         mesh.uvs is not None
         or not isinstance(wedge, ListColumn)

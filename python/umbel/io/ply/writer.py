@@ -12,7 +12,7 @@ from umbel.errors import warn_lost
 from umbel.geometry.mesh import Material, Mesh
 from umbel.io.files import write_all
 from umbel.io.format_losses import attribute_losses, copyright_line
-from umbel.io.ply.names import ALPHA, COLOR, NORMAL, POSITION, TANGENT, UV
+from umbel.io.ply import names as ply_names
 
 _BYTE = 0.01
 """How far from a whole number a colour may be that is a byte, as bytes are made floats."""
@@ -27,12 +27,12 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     points: NDArray[Any] = mesh.vertices
     kind = points.dtype.newbyteorder("<").str
     fields: list[tuple[str, str, Any]] = [
-        (name, kind, points[:, k]) for k, name in enumerate(POSITION[0])
+        (name, kind, points[:, k]) for k, name in enumerate(ply_names.POSITION[0])
     ]
     for names, array in (
-        (NORMAL[0], mesh.normals),
-        (UV[0], mesh.uvs),
-        (TANGENT[0], mesh.tangents),
+        (ply_names.NORMAL[0], mesh.normals),
+        (ply_names.UV[0], mesh.uvs),
+        (ply_names.TANGENT[0], mesh.tangents),
     ):
         if array is not None:
             fields += [(name, "<f4", array[:, k]) for k, name in enumerate(names)]
@@ -41,7 +41,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
         with np.errstate(invalid="ignore"):
             colors = np.nan_to_num(np.clip(np.rint(mesh.colors * 255.0), 0, 255)).astype(np.uint8)
             is_rounded = bool((np.abs(mesh.colors * 255.0 - colors) > _BYTE).any())
-        names = (*COLOR[0], *ALPHA[0])
+        names = (*ply_names.COLOR[0], *ply_names.ALPHA[0])
         fields += [(name, "|u1", colors[:, k]) for k, name in enumerate(names)]
     vertices = np.empty(n, [(name, kind) for name, kind, _ in fields])
     for name, _, values in fields:
