@@ -43,10 +43,22 @@ void Block::bisect_prepared(const Segment& segment) {
   sweep_.load(segment.source, out_items_, count);
   vertices_.load(segment.source, out_items_, count);
   if (constraints_.config.max_vertices) constraints_ = vertices_.expected(items_, constraints_);
-  items_.sort(segment.source);
-  if (constraints_.few_vertices) vertices_.number(items_);
+  items_.find_centers(segment.source);
+  if (constraints_.few_vertices) {
+    vertices_.number(items_);
+    gather_components();
+  }
+  items_.sort();
   if (is_leaf(0, count, 0)) return write_cluster(0, count, 0);
   split_node(0, count, 2 * uint32_t(std::bit_width(count)) + 8);
+}
+
+// Connections, where there are any, say better what belongs together.
+void Block::gather_components() {
+  const ClusterConfig& config = constraints_.config;
+  if (config.vertex_underfill_cost == 0.0f || sweep_.has_connections()) return;
+  const auto firsts = vertices_.small_components(config.max_items);
+  if (!firsts.empty()) items_.gather(firsts, config.vertex_underfill_cost);
 }
 
 void Block::split_node(uint32_t begin, uint32_t end, uint32_t depth) {

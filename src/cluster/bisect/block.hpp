@@ -26,6 +26,7 @@ class Block {
   void bisect_prepared(const Segment& segment);
 
  private:
+  void gather_components();
   void split_node(uint32_t begin, uint32_t end, uint32_t depth);
   void split_halves(uint32_t begin, uint32_t middle, uint32_t end, uint32_t depth);
   AxisSplit find_split(uint32_t begin, uint32_t end);

@@ -29,17 +29,12 @@ Box4* BlockItems::prepare(uint32_t count) {
   return boxes_.data();
 }
 
-void BlockItems::sort(const Source& source) {
+// Of the source, or twice the boxes' centres: only their order matters.
+void BlockItems::find_centers(const Source& source) {
   Box4 all = Box4::empty();
   for (uint32_t i = 0; i < count_; ++i) all.extend(boxes_[i]);
   if (const float scale = block_scale(all); scale != 1.0f)
     for (uint32_t i = 0; i < count_; ++i) boxes_[i].scale(scale);
-  find_centers(source);
-  for (int axis = 0; axis < 3; ++axis) sort_axis(axis);
-}
-
-// Centroids of the source, or twice the boxes' centres: only their order matters.
-void BlockItems::find_centers(const Source& source) {
   const Int4 mask{-1, -1, -1, 0};  // without the tag, which as a float is slow to compute with
   lowest_ = splat(std::numeric_limits<float>::max());
   highest_ = -lowest_;
@@ -54,6 +49,26 @@ void BlockItems::find_centers(const Source& source) {
     highest_ = max4(highest_, c);
     for (int axis = 0; axis < 3; ++axis) centers_[axis][i] = c[axis];
   }
+}
+
+void BlockItems::gather(std::span<const uint32_t> firsts, float share) {
+  const auto center = [&](uint32_t i) {
+    return Float4{centers_[0][i], centers_[1][i], centers_[2][i], 0};
+  };
+  components_.assign(count_, Box4::empty());
+  for (uint32_t i = 0; i < count_; ++i) components_[firsts[i]].extend({center(i), -center(i)});
+  const Float4 half = splat(0.5f);
+  for (uint32_t i = 0; i < count_; ++i) {
+    const Box4& bounds = components_[firsts[i]];
+    const Float4 middle = bounds.low * half - bounds.negated_high * half;
+    const Float4 moved = center(i) * splat(1.0f - share) + middle * splat(share);
+    const Float4 within = min4(max4(moved, bounds.low), -bounds.negated_high);
+    for (int axis = 0; axis < 3; ++axis) centers_[axis][i] = within[axis];
+  }
+}
+
+void BlockItems::sort() {
+  for (int axis = 0; axis < 3; ++axis) sort_axis(axis);
 }
 
 // By centres rounded to as many bits as a word has beside the index: two cheap passes over words

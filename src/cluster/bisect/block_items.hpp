@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "base/simd/box4.hpp"
@@ -22,10 +23,15 @@ struct AxisSplit {
 class BlockItems {
  public:
   /// Room for `count` boxes whose tags are the items' indices in the source, to be filled before
-  /// `sort`, at any scale that is a power of two.
+  /// `find_centers`, at any scale that is a power of two.
   Box4* prepare(uint32_t count);
-  /// Sorts by the centroids of the source, or else by the boxes' centres.
-  void sort(const Source& source);
+  /// The centroids of the source, or else the boxes' centres.
+  void find_centers(const Source& source);
+  /// Moves centres by this share of the way to the middle of their component, so that fewer splits
+  /// go through it. Of each component, `firsts` has the same item for all.
+  void gather(std::span<const uint32_t> firsts, float share);
+  /// Sorts by the centres.
+  void sort();
 
   uint32_t count() const { return count_; }
   const Box4* boxes() const { return boxes_.data(); }
@@ -42,7 +48,6 @@ class BlockItems {
   void partition(uint32_t begin, uint32_t end, const AxisSplit& split);
 
  private:
-  void find_centers(const Source& source);
   void sort_axis(int axis);
   void settle_ties(int axis);
   void sort_exactly(int axis);
@@ -51,6 +56,7 @@ class BlockItems {
   std::vector<Box4> boxes_;
   std::array<std::vector<float>, 3> centers_;
   Float4 lowest_{}, highest_{};  ///< centre an axis
+  std::vector<Box4> components_;  ///< bounds of the centres, by the first item of a component
   std::array<std::vector<uint32_t>, 3> orders_;
   std::vector<uint32_t> spare_;
   std::vector<uint8_t> right_;  ///< by local index: on the right of the split

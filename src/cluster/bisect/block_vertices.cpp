@@ -16,8 +16,8 @@ void BlockVertices::load(const Source& source, const uint32_t* items, uint32_t c
 SplitConstraints BlockVertices::expected(const BlockItems& items,
                                          const SplitConstraints& constraints) {
   constexpr uint32_t kSamples = 4;
-  // Runs of neighbours are no good clusters, which have fewer vertices.
-  constexpr double kManyVertices = 1.15;
+  // Where even most clusters have few enough vertices, some do not.
+  constexpr double kManyVertices = 0.9;
   const uint32_t limit = constraints.config.max_vertices, most = constraints.config.max_items;
   const uint32_t length = std::min(most, items.count());
   if (uint64_t(length) * arity_ <= limit) return constraints;
@@ -50,11 +50,9 @@ SplitConstraints BlockVertices::expected(const BlockItems& items,
   const double mean =
       shared_.active() ? mean_of_samples(count_by_bits) : mean_of_samples(count_exactly);
   if (mean <= many) return constraints;
-  // Shapes differ, and those with a longer border need more vertices.
-  constexpr double kMargin = 0.9;
   ClusterConfig config = constraints.config;
   config.max_items =
-      std::clamp(uint32_t(kMargin * length * limit / mean), std::min(limit / arity_, most), most);
+      std::clamp(uint32_t(length * limit / mean), std::min(limit / arity_, most), most);
   config.min_items = std::min(config.min_items, config.max_items);
   SplitConstraints fewer(config);
   fewer.few_vertices = true;
@@ -85,25 +83,33 @@ bool BlockVertices::within(const BlockItems& items, uint32_t begin, uint32_t end
 }
 
 void BlockVertices::enter(const BlockItems& items, uint32_t begin, uint32_t end) {
-  if (!shared_.active() && !all_are_numbered_)
-    number_items(items, items.order(0) + begin, end - begin);
+  if (shared_.active() || all_are_numbered_) return;
+  const uint32_t* const order = items.order(0) + begin;
+  number_items(items, end - begin, [order](uint32_t i) { return order[i]; });
 }
 
 void BlockVertices::number(const BlockItems& items) {
   if (shared_.active()) return;
-  number_items(items, items.order(0), items.count());
+  number_items(items, items.count(), [](uint32_t i) { return i; });
   all_are_numbered_ = true;
 }
 
+std::span<const uint32_t> BlockVertices::small_components(uint32_t most) {
+  if (!all_are_numbered_) return {};
+  return components_.find(numbers_, arity_, last_.size(), most);
+}
+
 // Those of a small mesh are numbers already.
-void BlockVertices::number_items(const BlockItems& items, const uint32_t* locals, uint32_t count) {
+template <typename LocalOf>
+void BlockVertices::number_items(const BlockItems& items, uint32_t count, const LocalOf& local_of) {
   constexpr size_t kFew = 1 << 14;
-  numbers_.resize(std::max(numbers_.size(), size_t(items.count()) * arity_));
+  numbers_.resize(size_t(items.count()) * arity_);
   const auto number = [&](const auto& number_of) {
     for (uint32_t i = 0; i < count; ++i) {
-      const uint32_t* vertices = vertices_of(items, locals[i]);
+      const uint32_t local = local_of(i);
+      const uint32_t* vertices = vertices_of(items, local);
       for (uint32_t k = 0; k < arity_; ++k)
-        numbers_[size_t(locals[i]) * arity_ + k] = number_of(vertices[k]);
+        numbers_[size_t(local) * arity_ + k] = number_of(vertices[k]);
     }
   };
   size_t numbers = vertex_count_;

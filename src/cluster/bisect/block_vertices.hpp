@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "cluster/bisect/block_items.hpp"
 #include "cluster/bisect/shared_bits.hpp"
+#include "cluster/bisect/small_components.hpp"
 #include "cluster/bisect/split_constraints.hpp"
 #include "cluster/source.hpp"
 #include "cluster/vertex_table.hpp"
@@ -29,6 +31,9 @@ class BlockVertices {
 
   /// Numbers the vertices of all items, which is worth it where most nodes are counted.
   void number(const BlockItems& items);
+  /// Of all items, once they are numbered: see small_components.hpp. Empty where vertices have no
+  /// indices.
+  std::span<const uint32_t> small_components(uint32_t most);
 
   /// Prepares to count along the orders of a node's items.
   void enter(const BlockItems& items, uint32_t begin, uint32_t end);
@@ -41,7 +46,8 @@ class BlockVertices {
   const uint32_t* vertices_of(const BlockItems& items, uint32_t local) const {
     return vertices_ + size_t(items.item(local)) * arity_;
   }
-  void number_items(const BlockItems& items, const uint32_t* locals, uint32_t count);
+  template <typename LocalOf>
+  void number_items(const BlockItems& items, uint32_t count, const LocalOf& local_of);
   uint32_t count_by_bits(const uint32_t* order, uint32_t begin, uint32_t end);
   template <uint32_t kArity>
   void count_sides_of(const uint32_t* order, uint32_t n, uint32_t* left, uint32_t* right);
@@ -57,6 +63,7 @@ class BlockVertices {
   /// Of each vertex, the position of the last item that had it, from first_ on in this order.
   std::vector<uint32_t> last_;
   uint32_t first_ = 1;
+  SmallComponents components_;
 };
 
 }  // namespace umbel::cluster

@@ -203,9 +203,13 @@ void SplitSweep::search_by_vertices(const Node& node, int axis, uint32_t least, 
   const uint32_t n = node.n, begin = least - 1, end = n - least;
   const uint32_t *left = left_vertices_[axis].data(), *right = right_vertices_[axis].data();
   const float* const bounds = bounds_.data();
+  const uint32_t node_vertices = left[n - 1];
+  const float items_per_vertex = static_cast<float>(n) / static_cast<float>(node_vertices);
   const auto cost_at = [&](uint32_t i) {
-    return left_area_[i] * weights_(i + 1, left[i]) +
-           right_area_[i] * weights_(n - i - 1, right[i]) + extra_[i];
+    // Vertices of both sides are as many more items on each.
+    const float more = items_per_vertex * static_cast<float>(left[i] + right[i] - node_vertices);
+    return left_area_[i] * (weights_(i + 1, left[i]) + more) +
+           right_area_[i] * (weights_(n - i - 1, right[i]) + more) + extra_[i];
   };
   const auto lowest = std::min_element(bounds + begin, bounds + end) - bounds;
   if (!(bounds[lowest] < best.cost)) return;
