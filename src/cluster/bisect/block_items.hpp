@@ -55,7 +55,7 @@ class BlockItems {
   uint32_t count_ = 0;
   std::vector<Box4> boxes_;
   std::array<std::vector<float>, 3> centers_;
-  Float4 lowest_{}, highest_{};  ///< centre an axis
+  Float4 lowest_{}, highest_{};   ///< centre an axis
   std::vector<Box4> components_;  ///< bounds of the centres, by the first item of a component
   std::array<std::vector<uint32_t>, 3> orders_;
   std::vector<uint32_t> spare_;

@@ -145,9 +145,8 @@ TEST(SweepSplits, no_split_costs_less_than_the_one_that_is_found) {
         for (uint32_t i = n; i < kCount; ++i) right.extend(items.boxes()[order(a)[i]]);
         const uint32_t l = on_left(a, n), r = on_right(a, n);
         const float doubled = (static_cast<float>(l + r) - whole) / per_item;
-        lowest =
-            std::min(lowest, left.half_area(pad) * (weigh(n, l) + doubled) +
-                                 right.half_area(pad) * (weigh(kCount - n, r) + doubled));
+        lowest = std::min(lowest, left.half_area(pad) * (weigh(n, l) + doubled) +
+                                      right.half_area(pad) * (weigh(kCount - n, r) + doubled));
       }
     }
     EXPECT_NEAR(found.cost, lowest, 1e-4f * lowest);
