@@ -95,7 +95,7 @@ void there_and_back(const uint8_t* data, size_t size) {
   for (size_t i = 0; i < given.size(); ++i) given[i] = static_cast<uint8_t>(data[1 + i] % vertices);
   std::vector<std::byte> bytes;
   umbel::BitWriter out(bytes);
-  const asset::Traversal traversal = asset::encode_triangles(given, vertices, out);
+  const asset::Traversal traversal = asset::encode_triangles(given, vertices, {}, out);
   out.finish();
   std::vector<uint8_t> read(given.size());
   std::vector<asset::Predictors> predictors(vertices);

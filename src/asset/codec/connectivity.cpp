@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "asset/codec/connectivity_words.hpp"
+#include "asset/codec/region_seeds.hpp"
 
 namespace umbel::asset {
 namespace {
@@ -140,8 +141,13 @@ class EdgeTable {
 
 class Encoder {
  public:
-  Encoder(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out)
-      : triangles_(triangles), edges_(triangles, vertices), out_(out), vertices_(vertices) {
+  Encoder(std::span<const uint8_t> triangles, uint32_t vertices, std::span<const int32_t> values,
+          BitWriter& out)
+      : triangles_(triangles),
+        edges_(triangles, vertices),
+        seeds_(triangles, values, vertices),
+        out_(out),
+        vertices_(vertices) {
     left_ = triangles.size() / 3;
     traversal_.vertices.reserve(vertices);
     traversal_.predictors.reserve(vertices);
@@ -149,8 +155,10 @@ class Encoder {
   }
 
   Traversal run() {
-    for (uint32_t t = 0; 3 * t < triangles_.size(); ++t)
-      if (!visited_[t]) traverse_from(t);
+    if (left_ > 0) traverse_from(RegionSeeds::kFirst);
+    while (left_ > 0)
+      traverse_from(
+          seeds_.next(traversal_.vertices.back(), visited_, is_known_, bits_below(known())));
     for (uint32_t v = 0; v < vertices_; ++v)
       if (!is_known_[v]) number(static_cast<uint8_t>(v), predictors_at_start());
     return std::move(traversal_);
@@ -177,10 +185,12 @@ class Encoder {
     --left_;
   }
 
-  void traverse_from(uint32_t triangle) {
-    visit(triangle);
-    for (uint32_t k = 0; k < 3; ++k) {
-      const uint8_t vertex = triangles_[3 * triangle + k];
+  void traverse_from(const RegionSeeds::Seed& seed) {
+    visit(seed.triangle);
+    std::array<uint8_t, 3> corners;
+    std::rotate_copy(&triangles_[3 * seed.triangle], &triangles_[3 * seed.triangle] + seed.corner,
+                     &triangles_[3 * seed.triangle] + 3, corners.begin());
+    for (const uint8_t vertex : corners) {
       out_.write(is_known_[vertex] ? 0 : 1, 1);
       if (is_known_[vertex])
         out_.write(numbers_[vertex], bits_below(known()));
@@ -188,8 +198,7 @@ class Encoder {
         number(vertex, predictors_at_start());
       traversal_.triangles.push_back(numbers_[vertex]);
     }
-    const uint8_t a = triangles_[3 * triangle], b = triangles_[3 * triangle + 1],
-                  c = triangles_[3 * triangle + 2];
+    const auto [a, b, c] = corners;
     out_.write(pass_edge(a, b, c), 1);
     out_.write(pass_edge(b, c, a), 1);
     out_.write(pass_edge(c, a, b), 1);
@@ -243,6 +252,7 @@ class Encoder {
 
   std::span<const uint8_t> triangles_;
   EdgeTable edges_;
+  RegionSeeds seeds_;
   BitWriter& out_;
   uint32_t vertices_;
   std::array<bool, kMaxLocal> visited_{}, is_known_{};
@@ -254,8 +264,9 @@ class Encoder {
 
 }  // namespace
 
-Traversal encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out) {
-  return Encoder(triangles, vertices, out).run();
+Traversal encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices,
+                           std::span<const int32_t> values, BitWriter& out) {
+  return Encoder(triangles, vertices, values, out).run();
 }
 
 }  // namespace umbel::asset

@@ -49,8 +49,10 @@ struct Traversal {
   std::vector<BorderEdge> border;
 };
 
-/// Writes triangles, triples of vertices < `vertices` <= 256.
-Traversal encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out);
+/// Writes triangles, triples of vertices < `vertices` <= 256. `values` are what the vertices'
+/// integers will be, as many for each, or empty: they say in which order regions take few bits.
+Traversal encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices,
+                           std::span<const int32_t> values, BitWriter& out);
 
 /// Links of border edges by vertex: the end of the last one that starts there, and the start of the
 /// last one that ends there. Linked vertices are stored as `first` plus their number.

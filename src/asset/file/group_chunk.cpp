@@ -79,16 +79,17 @@ class GroupEncoder {
   void encode(uint32_t cluster, std::vector<std::byte>& data) {
     BitWriter out(data);
     const std::span<const uint32_t> vertices = vertices_of(group_, cluster);
-    const Traversal traversal = encode_triangles(triangles_of(group_, cluster),
-                                                 static_cast<uint32_t>(vertices.size()), out);
     const uint32_t stride = components(format_);
+    const std::span integers =
+        std::span(integers_.values).subspan(integers_.first[cluster], vertices.size() * stride);
+    const Traversal traversal = encode_triangles(
+        triangles_of(group_, cluster), static_cast<uint32_t>(vertices.size()), integers, out);
     const auto first = static_cast<uint32_t>(ordered_.size() / stride);
     ids_.resize(vertices.size());
     ordered_.resize(ordered_.size() + vertices.size() * stride);
-    const int32_t* const integers = integers_.values.data() + integers_.first[cluster];
     for (size_t v = 0; v < vertices.size(); ++v) {
       ids_[v] = vertices[traversal.vertices[v]];
-      std::copy_n(integers + size_t{traversal.vertices[v]} * stride, stride,
+      std::copy_n(&integers[size_t{traversal.vertices[v]} * stride], stride,
                   ordered_.data() + (first + v) * stride);
     }
     const std::vector<uint32_t> equal = shared_.encode(ids_, traversal.border, out);

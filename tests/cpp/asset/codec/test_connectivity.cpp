@@ -27,7 +27,10 @@ std::vector<std::array<uint8_t, 3>> sorted(const Triangles& triangles) {
 double expect_round_trip(const Triangles& triangles, uint32_t vertices) {
   std::vector<std::byte> bytes;
   BitWriter out(bytes);
-  const Traversal traversal = encode_triangles(triangles, vertices, out);
+  std::vector<int32_t> values;
+  for (uint32_t v = 0; v < vertices; ++v)
+    values.insert(values.end(), {int32_t(v * 7919 % 1000), -int32_t(v) * 0x01234567, 5});
+  const Traversal traversal = encode_triangles(triangles, vertices, values, out);
   out.finish();
   BitReader in(bytes);
   Triangles decoded(triangles.size());

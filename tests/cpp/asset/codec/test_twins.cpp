@@ -28,7 +28,7 @@ Creased encoded() {
   for (uint32_t i = 0; i < Creased::kVertices; ++i) triangles[i] = static_cast<uint8_t>(i);
   for (uint32_t c = 0; c < Creased::kClusters; ++c) {
     BitWriter out(made.bytes.emplace_back());
-    const Traversal traversal = encode_triangles(triangles, Creased::kVertices, out);
+    const Traversal traversal = encode_triangles(triangles, Creased::kVertices, {}, out);
     std::vector<uint32_t> ids;
     for (const uint8_t v : traversal.vertices) {
       ids.push_back(c * Creased::kVertices + v);

@@ -110,7 +110,7 @@ Ball ball(const VertexFormat& format) {
   std::vector<std::byte> bytes;
   BitWriter out(bytes);
   const auto count = static_cast<uint32_t>(mesh.positions.size());
-  const Traversal traversal = encode_triangles(triangles, count, out);
+  const Traversal traversal = encode_triangles(triangles, count, {}, out);
   const std::vector<uint32_t> order(traversal.vertices.begin(), traversal.vertices.end());
   made.integers.resize(size_t{count} * components(format));
   quantize(format, mesh, order, made.integers);
