@@ -1,6 +1,7 @@
 // Rejects meshes that later stages could not make sense of, naming the first offender: the
 // lowest triangle, its first bad corner, that corner's index or value. Only vertices that
 // triangles use are judged.
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <bit>
@@ -36,9 +37,12 @@ bool all_finite(std::span<const Vector> stream) {
 }
 
 // A joint or a material is a whole number that floats can count to.
+bool is_whole(ExtraKind kind) {
+  return kind == ExtraKind::kJoints || kind == ExtraKind::kMaterial;
+}
 bool is_good_extra(ExtraKind kind, float value) {
-  if (!all_finite(std::array<float, 1>{value})) return false;
-  if (kind != ExtraKind::kJoints && kind != ExtraKind::kMaterial) return true;
+  if (!all_finite(value)) return false;
+  if (!is_whole(kind)) return true;
   return value >= 0.0f && value <= 0x1p24f && value == std::floor(value);
 }
 
@@ -52,7 +56,8 @@ const float* bad_extra(const MeshView& mesh, size_t vertex) {
 }
 
 bool all_extras_are_good(const MeshView& mesh) {
-  if (mesh.extras.empty()) return true;
+  if (!all_finite(mesh.extra_values)) return false;
+  if (std::ranges::none_of(mesh.extras, is_whole, &Extra::kind)) return true;
   std::atomic<bool> good{true};
   parallel_chunks(mesh.positions.size(), size_t{1} << 16, [&](size_t begin, size_t end) {
     for (size_t v = begin; v < end; ++v)

@@ -180,6 +180,8 @@ float SplitSweep::VertexWeights::operator()(uint32_t items, uint32_t vertices) c
 void SplitSweep::bound_costs(const Node& node, int axis) {
   const uint32_t n = node.n;
   const uint32_t *left = left_vertices_[axis].data(), *right = right_vertices_[axis].data();
+  const float node_vertices = static_cast<float>(left[n - 1]);
+  const float items_per_vertex = static_cast<float>(n) / node_vertices;
   const auto count4 = [](const uint32_t* p) {
     Int4 counts;
     memcpy(&counts, p, sizeof counts);
@@ -187,11 +189,14 @@ void SplitSweep::bound_costs(const Node& node, int axis) {
   };
   for (uint32_t i = 0; i + 1 < n; i += 4) {
     const uint32_t on_left = i + 1, on_right = n - i - 1;
+    const Float4 of_left = count4(left + i), of_right = count4(right + i);
+    const Float4 more = splat(items_per_vertex) * (of_left + of_right - splat(node_vertices));
     const Float4 left_weight =
-        weights_.least(weights_.items(on_left), weights_.capacities(on_left), count4(left + i));
-    const Float4 right_weight = weights_.least(
-        weights_.items_down(on_right), weights_.capacities_down(on_right), count4(right + i));
-    const Float4 cost = load4(&left_area_[i]) * left_weight + load4(&right_area_[i]) * right_weight;
+        weights_.least(weights_.items(on_left), weights_.capacities(on_left), of_left);
+    const Float4 right_weight =
+        weights_.least(weights_.items_down(on_right), weights_.capacities_down(on_right), of_right);
+    const Float4 cost = load4(&left_area_[i]) * (left_weight + more) +
+                        load4(&right_area_[i]) * (right_weight + more);
     store4(&bounds_[i], cost + load4(&extra_[i]));
   }
 }
