@@ -55,10 +55,11 @@ void Block::bisect_prepared(const Segment& segment) {
 
 // Connections, where there are any, say better what belongs together.
 void Block::gather_components() {
+  constexpr float kMostShare = 0.99f;  // the items of a component stay apart from each other
   const ClusterConfig& config = constraints_.config;
   if (config.vertex_underfill_cost == 0.0f || sweep_.has_connections()) return;
   const auto firsts = vertices_.small_components(config.max_items);
-  if (!firsts.empty()) items_.gather(firsts, config.vertex_underfill_cost);
+  if (!firsts.empty()) items_.gather(firsts, std::min(config.vertex_underfill_cost, kMostShare));
 }
 
 void Block::split_node(uint32_t begin, uint32_t end, uint32_t depth) {
