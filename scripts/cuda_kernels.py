@@ -133,7 +133,7 @@ def main() -> None:
         f"in the code, however often they run. Nothing here is a time.\n\n{table(args.objects)}"
     )
     if args.earlier is not None:
-        text += f"\n## Before arrivals, climbs and treelets were changed\n\n{table(args.earlier)}"
+        text += f"\n## The earlier ones\n\n{table(args.earlier)}"
     if args.output is None:
         print(text, end="")
     else:
