@@ -137,11 +137,12 @@ size_t UnitBuilder::simplify_level(bool last_resort) {
 }
 
 // A cut is of whole groups, so where one group is all that is left, few cuts are within a budget of
-// triangles. There steps are added between what is left and what it is simplified to, which is the
-// same as without them. So far up it costs little.
+// triangles. There a step is added between what is left and what it is simplified to, which is the
+// same as without it. So far up it costs little; with more of them, a stream that may keep very
+// little keeps less of the finer groups.
 void UnitBuilder::divide_step(const Clusters& groups, GroupResult& result) {
   constexpr uint32_t kFirstLevel = 6;
-  constexpr int kSteps = 3;
+  constexpr int kSteps = 2;
   constexpr double kLeastStep = 0.9;
   if (unit_.level < kFirstLevel || !unit_.frozen.empty() || config_.max_levels > 0 ||
       !result.simplified.done || !result.new_positions.empty() ||
