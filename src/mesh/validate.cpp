@@ -37,9 +37,7 @@ bool all_finite(std::span<const Vector> stream) {
 }
 
 // A joint or a material is a whole number that floats can count to.
-bool is_whole(ExtraKind kind) {
-  return kind == ExtraKind::kJoints || kind == ExtraKind::kMaterial;
-}
+bool is_whole(ExtraKind kind) { return kind == ExtraKind::kJoints || kind == ExtraKind::kMaterial; }
 bool is_good_extra(ExtraKind kind, float value) {
   if (!all_finite(value)) return false;
   if (!is_whole(kind)) return true;
