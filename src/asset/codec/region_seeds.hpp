@@ -21,8 +21,8 @@ class RegionSeeds {
   };
   /// The first region's seed.
   static constexpr Seed kFirst{0, 0};
-  /// The seed after the vertex `last`, among triangles that are not in `visited`, of which there is
-  /// one at least. A vertex in `known` takes about `known_bits`.
+  /// The seed after the vertex `last`, among the triangles that are not in `visited`: there must be
+  /// one. A vertex in `known` takes about `known_bits`.
   Seed next(uint8_t last, std::span<const bool> visited, std::span<const bool> known,
             uint32_t known_bits);
 

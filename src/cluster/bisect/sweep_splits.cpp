@@ -146,14 +146,15 @@ SplitSweep::ClustersOfVertices SplitSweep::clusters_of_vertices(const Node& node
 void SplitSweep::VertexWeights::reset(const Node& node, const ClustersOfVertices& clusters,
                                       uint32_t node_vertices) {
   const ClusterConfig& config = node.constraints.config;
-  const float items_per_vertex = static_cast<float>(node.n) / static_cast<float>(node_vertices);
+  node_vertices_ = static_cast<float>(node_vertices);
+  items_per_vertex_ = static_cast<float>(node.n) / node_vertices_;
   clusters_ = clusters;
   most_ = static_cast<float>(node.most_items);
   full_ = static_cast<float>(std::min(node.most_items, config.max_items));
   item_price_ = kLastSplits * config.underfill_cost;
   // Less than in proportion: at the highest prices clusters fill up with duplicates.
   const float cost = config.vertex_underfill_cost;
-  vertex_price_ = kLastSplits * cost * (4.0f - 2.0f * cost) * (1.0f / 3.0f) * items_per_vertex;
+  vertex_price_ = kLastSplits * cost * (4.0f - 2.0f * cost) * (1.0f / 3.0f) * items_per_vertex_;
   const size_t count = node.n + 1 + 2 * kPadding;
   if (items_.size() < count) items_.resize(count), capacities_.resize(count);
   float clusters_needed = 1.0f, capacity = clusters_.capacity(1.0f);
@@ -180,8 +181,6 @@ float SplitSweep::VertexWeights::operator()(uint32_t items, uint32_t vertices) c
 void SplitSweep::bound_costs(const Node& node, int axis) {
   const uint32_t n = node.n;
   const uint32_t *left = left_vertices_[axis].data(), *right = right_vertices_[axis].data();
-  const float node_vertices = static_cast<float>(left[n - 1]);
-  const float items_per_vertex = static_cast<float>(n) / node_vertices;
   const auto count4 = [](const uint32_t* p) {
     Int4 counts;
     memcpy(&counts, p, sizeof counts);
@@ -190,13 +189,13 @@ void SplitSweep::bound_costs(const Node& node, int axis) {
   for (uint32_t i = 0; i + 1 < n; i += 4) {
     const uint32_t on_left = i + 1, on_right = n - i - 1;
     const Float4 of_left = count4(left + i), of_right = count4(right + i);
-    const Float4 more = splat(items_per_vertex) * (of_left + of_right - splat(node_vertices));
+    const Float4 doubled = weights_.of_doubled(of_left, of_right);
     const Float4 left_weight =
         weights_.least(weights_.items(on_left), weights_.capacities(on_left), of_left);
     const Float4 right_weight =
         weights_.least(weights_.items_down(on_right), weights_.capacities_down(on_right), of_right);
-    const Float4 cost = load4(&left_area_[i]) * (left_weight + more) +
-                        load4(&right_area_[i]) * (right_weight + more);
+    const Float4 cost = load4(&left_area_[i]) * (left_weight + doubled) +
+                        load4(&right_area_[i]) * (right_weight + doubled);
     store4(&bounds_[i], cost + load4(&extra_[i]));
   }
 }
@@ -208,13 +207,10 @@ void SplitSweep::search_by_vertices(const Node& node, int axis, uint32_t least, 
   const uint32_t n = node.n, begin = least - 1, end = n - least;
   const uint32_t *left = left_vertices_[axis].data(), *right = right_vertices_[axis].data();
   const float* const bounds = bounds_.data();
-  const uint32_t node_vertices = left[n - 1];
-  const float items_per_vertex = static_cast<float>(n) / static_cast<float>(node_vertices);
   const auto cost_at = [&](uint32_t i) {
-    // Vertices of both sides are as many more items on each.
-    const float more = items_per_vertex * static_cast<float>(left[i] + right[i] - node_vertices);
-    return left_area_[i] * (weights_(i + 1, left[i]) + more) +
-           right_area_[i] * (weights_(n - i - 1, right[i]) + more) + extra_[i];
+    const float doubled = weights_.of_doubled(left[i], right[i]);
+    return left_area_[i] * (weights_(i + 1, left[i]) + doubled) +
+           right_area_[i] * (weights_(n - i - 1, right[i]) + doubled) + extra_[i];
   };
   const auto lowest = std::min_element(bounds + begin, bounds + end) - bounds;
   if (!(bounds[lowest] < best.cost)) return;

@@ -52,6 +52,13 @@ class SplitSweep {
    public:
     void reset(const Node& node, const ClustersOfVertices& clusters, uint32_t node_vertices);
     float operator()(uint32_t items, uint32_t vertices) const;
+    /// What vertices of both sides add to each, as if they were as many more items.
+    float of_doubled(uint32_t left, uint32_t right) const {
+      return items_per_vertex_ * (static_cast<float>(left + right) - node_vertices_);
+    }
+    Float4 of_doubled(Float4 left, Float4 right) const {
+      return splat(items_per_vertex_) * (left + right - splat(node_vertices_));
+    }
     /// At most that, and the same unless the vertices need more clusters than the items.
     Float4 least(Float4 of_items, Float4 capacities, Float4 vertices) const {
       return of_items + splat(vertex_price_) * max4(capacities - vertices, splat(0.0f));
@@ -73,6 +80,7 @@ class SplitSweep {
     }
 
     ClustersOfVertices clusters_{};
+    float node_vertices_ = 0, items_per_vertex_ = 0;
     float most_ = 0, full_ = 0, item_price_ = 0, vertex_price_ = 0;
     // Of 0, 1, 2, ... items, with padding at both ends: what they weigh without their vertices, and
     // the capacity of the clusters that they need.

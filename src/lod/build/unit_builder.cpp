@@ -114,14 +114,15 @@ bool UnitBuilder::is_deep_enough() const {
 // One round over all pending clusters. Returns how many groups there were.
 size_t UnitBuilder::simplify_level(bool last_resort) {
   const Clusters groups = grouper_.group(unit_.pending, unit_.locked, grouping_);
-  if (groups.ranges.size() != 1 || unit_.pending.triangle_count() != left_by_step_) steps_.clear();
+  if (groups.ranges.size() != 1 || unit_.pending.triangle_count() != left_by_step_)
+    after_step_.reset();
   grouper_.lock_borders(groups, unit_.locked);
   lock_frozen();
   // Half of what is left to do is this level.
   const double share = (1.0 - done_) * 0.5;
   std::vector<GroupResult> results;
-  if (!steps_.empty()) {
-    results.push_back(next_step());
+  if (after_step_) {
+    results.push_back(*std::exchange(after_step_, std::nullopt));
   } else {
     results = simplifier_.simplify(groups, config_.ratio, last_resort, [&](double part) {
       progress_.report(done_ + share * part, "levels of detail");
@@ -142,39 +143,21 @@ size_t UnitBuilder::simplify_level(bool last_resort) {
 // little keeps less of the finer groups.
 void UnitBuilder::divide_step(const Clusters& groups, GroupResult& result) {
   constexpr uint32_t kFirstLevel = 6;
-  constexpr int kSteps = 2;
   constexpr double kLeastStep = 0.9;
   if (unit_.level < kFirstLevel || !unit_.frozen.empty() || config_.max_levels > 0 ||
       !result.simplified.done || !result.new_positions.empty() ||
       result.simplified.limiting_factor == LimitingFactor::kCaller)
     return;
-  size_t left = unit_.pending.triangle_count();
-  float moved = 0;
-  for (int step = 1; step < kSteps; ++step) {
-    const float ratio = std::pow(config_.ratio, static_cast<float>(step) / kSteps);
-    GroupResult between = simplifier_.simplify_again(groups, ratio);
-    const size_t count = between.clusters.triangle_count();
-    const float error = between.simplified.error;
-    if (!between.simplified.done || !between.new_positions.empty() || count > kLeastStep * left ||
-        result.clusters.triangle_count() > kLeastStep * count || error < moved ||
-        error > result.simplified.error)
-      continue;
-    between.simplified.error -= moved;
-    steps_.push_back(std::move(between));
-    left = count;
-    moved = error;
-  }
-  if (steps_.empty()) return;
-  result.simplified.error -= moved;
-  steps_.push_back(std::move(result));
-  result = next_step();
-}
-
-GroupResult UnitBuilder::next_step() {
-  GroupResult step = std::move(steps_.front());
-  steps_.pop_front();
-  left_by_step_ = step.clusters.triangle_count();
-  return step;
+  GroupResult between = simplifier_.simplify_again(groups, std::sqrt(config_.ratio));
+  const size_t count = between.clusters.triangle_count();
+  const float error = between.simplified.error;
+  if (!between.simplified.done || !between.new_positions.empty() ||
+      count > kLeastStep * unit_.pending.triangle_count() ||
+      result.clusters.triangle_count() > kLeastStep * count || error > result.simplified.error)
+    return;
+  result.simplified.error -= error;
+  left_by_step_ = count;
+  after_step_ = std::exchange(result, std::move(between));
 }
 
 // What other units may have, and what the caller holds.

@@ -4,9 +4,9 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -56,7 +56,6 @@ class UnitBuilder {
   bool is_deep_enough() const;
   size_t simplify_level(bool last_resort);
   void divide_step(const Clusters& groups, GroupResult& result);
-  GroupResult next_step();
   void lock_frozen();
   void measure(const Clusters& groups, const std::vector<GroupResult>& results,
                std::vector<Measured>& measured) const;
@@ -79,10 +78,9 @@ class UnitBuilder {
   LevelSimplifier simplifier_;
   std::unique_ptr<SurfaceDistance> surface_distance_;  // with Config::measured_error
   std::vector<std::vector<Vec3>> samples_;             // of pending clusters, see measure.hpp
-  // What the one group that is left becomes next, each as it was simplified from the same
-  // triangles.
-  std::deque<GroupResult> steps_;
-  size_t left_by_step_ = 0;  // triangles; others mean that the last step was not taken
+  // What the one group that is left becomes after a step, simplified from the same triangles.
+  std::optional<GroupResult> after_step_;
+  size_t left_by_step_ = 0;  // triangles; others mean that the step was not taken
   double sum_of_logs_ = 0;
   double done_ = 0.1;  // part of all work
 };

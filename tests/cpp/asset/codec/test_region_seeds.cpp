@@ -1,6 +1,7 @@
 // Which region of a cluster comes next.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 #include <vector>
 

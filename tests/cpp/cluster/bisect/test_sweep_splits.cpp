@@ -60,20 +60,15 @@ TEST(SweepSplits, each_underfill_cost_lowers_the_number_of_clusters) {
   }
 }
 
-// Stacks of small quads, one through the other, so that planes cut them wherever they are.
+// Small tilted sheets at random places, through each other, so that planes cut some of them.
 Mesh leaves(uint32_t count, uint32_t side) {
-  Mesh mesh = soup(count, 5, 0.0f);
-  const std::vector<Vec3> centers = [&] {
-    std::vector<Vec3> all;
-    for (const Triangle& t : mesh.triangles) all.push_back(mesh.positions[t[0]]);
-    return all;
-  }();
-  const Mesh leaf = grid(side, side);
-  mesh = {};
-  for (const Vec3& center : centers) {
+  const Mesh places = soup(count, 5, 0.0f), leaf = grid(side, side);
+  Mesh mesh;
+  for (const Triangle& place : places.triangles) {
     const uint32_t first = static_cast<uint32_t>(mesh.positions.size());
     for (const Vec3& p : leaf.positions)
-      mesh.positions.push_back(center + Vec3{p.x, p.y, 0.3f * p.x} * (0.1f / float(side)));
+      mesh.positions.push_back(places.positions[place[0]] +
+                               Vec3{p.x, p.y, 0.3f * p.x} * (0.1f / float(side)));
     for (const Triangle& t : leaf.triangles)
       mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
   }
