@@ -7,7 +7,7 @@
 
 #include "asset/codec/normal_prediction.hpp"
 #include "asset/codec/remainder_code.hpp"
-#include "asset/codec/vertex_codec.hpp"
+#include "asset/codec/vertex_decoding.hpp"
 
 namespace umbel::asset {
 
@@ -22,6 +22,8 @@ struct AttributeCode {
   TwinRule twins = TwinRule::kNothing;
   bool is_geometric = false;  ///< normals: predicted by the triangles
   uint32_t shift = 0;
+  bool is_mapped = false;     ///< texture coordinates: predicted by positions
+  bool is_mirrored = false;   ///< such a map is
   bool has_starts = false;  ///< vertices that start a region have codes of their own
   bool has_kinds = false;   ///< kinds of codes follow the parameters; else they are Rice codes
   /// By component: of usual vertices, and of those that start a region.
@@ -33,6 +35,11 @@ inline bool starts_region(const Predictors& predictors) { return predictors.a() 
 
 inline bool may_be_geometric(const AttributeFormat& format) {
   return format.attribute == kNormals && format.set == 0 && format.coding == Coding::kOctahedral;
+}
+
+inline bool may_be_mapped(const AttributeFormat& format, std::span<const ComponentRange> ranges) {
+  return format.attribute == kUvs && format.coding == Coding::kGrid && format.is_smooth == 0 &&
+         ranges.size() == 2 && are_small(ranges);
 }
 
 /// Whether the values of a group differ at all; where they do not, nothing is stored.

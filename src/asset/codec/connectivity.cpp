@@ -11,7 +11,7 @@ namespace {
 /// One past the last active edge of a cluster, and one more for closed edges.
 constexpr uint16_t kNoActiveEdge = 3 * kMaxLocal + 1;
 
-/// Where each symbol is among the words; kWords.size() where it is not.
+/// Where each symbol is among the words of each code; kWords.size() where it is not.
 constexpr std::array<uint8_t, kSymbols> encoding_table() {
   std::array<uint8_t, kSymbols> table{};
   table.fill(kWords.size());
@@ -141,26 +141,26 @@ class EdgeTable {
 
 class Encoder {
  public:
-  Encoder(std::span<const uint8_t> triangles, uint32_t vertices, std::span<const int32_t> values,
-          BitWriter& out)
+  Encoder(std::span<const uint8_t> triangles, uint32_t vertices, std::span<const int32_t> values)
       : triangles_(triangles),
         edges_(triangles, vertices),
         seeds_(triangles, values, vertices),
-        out_(out),
         vertices_(vertices) {
     left_ = triangles.size() / 3;
     traversal_.vertices.reserve(vertices);
     traversal_.predictors.reserve(vertices);
     traversal_.triangles.reserve(triangles.size());
+    codes_.reserve(triangles.size());
   }
 
-  Traversal run() {
+  Traversal run(BitWriter& out) {
     if (left_ > 0) traverse_from(RegionSeeds::kFirst);
     while (left_ > 0)
       traverse_from(
           seeds_.next(traversal_.vertices.back(), visited_, is_known_, bits_below(known())));
     for (uint32_t v = 0; v < vertices_; ++v)
       if (!is_known_[v]) number(static_cast<uint8_t>(v), predictors_at_start());
+    write_codes(out);
     return std::move(traversal_);
   }
 
@@ -190,18 +190,22 @@ class Encoder {
     std::array<uint8_t, 3> corners;
     std::rotate_copy(&triangles_[3 * seed.triangle], &triangles_[3 * seed.triangle] + seed.corner,
                      &triangles_[3 * seed.triangle] + 3, corners.begin());
+    const auto [a, b, c] = corners;
+    // One that is there twice has a number by the second time.
+    const bool all_new = !is_known_[a] && !is_known_[b] && !is_known_[c] && a != b && b != c && c != a;
+    code(all_new, 1);
     for (const uint8_t vertex : corners) {
-      out_.write(is_known_[vertex] ? 0 : 1, 1);
+      if (!all_new) code(is_known_[vertex] ? 0 : 1, 1);
       if (is_known_[vertex])
-        out_.write(numbers_[vertex], bits_below(known()));
+        code(numbers_[vertex], bits_below(known()));
       else
         number(vertex, predictors_at_start());
       traversal_.triangles.push_back(numbers_[vertex]);
     }
-    const auto [a, b, c] = corners;
-    out_.write(pass_edge(a, b, c), 1);
-    out_.write(pass_edge(b, c, a), 1);
-    out_.write(pass_edge(c, a, b), 1);
+    if (all_new) traversal_.predictors.back().word |= Predictors::kCloses;
+    code(pass_edge(a, b, c), 1);
+    code(pass_edge(b, c, a), 1);
+    code(pass_edge(c, a, b), 1);
     // Active edges are kept in the traversal's numbers.
     for (ActiveEdge active; left_ > 0 && front_.pop(active);) cross(active);
   }
@@ -220,7 +224,7 @@ class Encoder {
     for (const uint32_t v : {uint32_t{active.a}, uint32_t{active.b}, uint32_t{numbers_[c]}})
       traversal_.triangles.push_back(static_cast<uint8_t>(v));
     const bool right = pass_edge(b, c, a), left = pass_edge(c, a, b);
-    if (write(apex, right, left) == kNamed) out_.write(numbers_[c], bits_below(seen));
+    if (write(apex, right, left) == kNamed) code(numbers_[c], bits_below(seen));
   }
 
   uint32_t apex_of(const ActiveEdge& active, uint8_t c) const {
@@ -234,8 +238,27 @@ class Encoder {
   uint32_t write(uint32_t apex, bool right, bool left) {
     const uint8_t word = kEncodingTable[symbol(apex, right, left)];
     if (word == kWords.size()) return write(kNamed, right, left);
-    out_.write(kWords[word].code, kWords[word].length);
+    codes_.push_back({word, kWord});
     return apex;
+  }
+
+  /// A number of so many bits.
+  void code(uint32_t value, uint32_t bits) {
+    codes_.push_back({static_cast<uint8_t>(value), static_cast<uint8_t>(bits)});
+  }
+
+  /// Writes all of it, with the words that take fewer bits.
+  void write_codes(BitWriter& out) const {
+    uint32_t bits = 0, of_border = 0;
+    for (const Code& c : codes_)
+      if (c.bits == kWord) bits += kWords[c.value].length, of_border += kBorderWords[c.value].length;
+    const Words& words = of_border < bits ? kBorderWords : kWords;
+    out.write(of_border < bits, 1);
+    for (const Code& c : codes_)
+      if (c.bits == kWord)
+        out.write(words[c.value].code, words[c.value].length);
+      else
+        out.write(c.value, c.bits);
   }
 
   /// Passes the edge (a, b) opposite to c; true if it becomes or closes an active edge.
@@ -253,7 +276,12 @@ class Encoder {
   std::span<const uint8_t> triangles_;
   EdgeTable edges_;
   RegionSeeds seeds_;
-  BitWriter& out_;
+  /// A number, or a word by its place among the words.
+  static constexpr uint8_t kWord = 0xff;
+  struct Code {
+    uint8_t value, bits;
+  };
+  std::vector<Code> codes_;
   uint32_t vertices_;
   std::array<bool, kMaxLocal> visited_{}, is_known_{};
   size_t left_;
@@ -266,7 +294,7 @@ class Encoder {
 
 Traversal encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices,
                            std::span<const int32_t> values, BitWriter& out) {
-  return Encoder(triangles, vertices, values, out).run();
+  return Encoder(triangles, vertices, values).run(out);
 }
 
 }  // namespace umbel::asset

@@ -26,11 +26,15 @@ inline constexpr uint32_t kMaxLocal = 256;  ///< triangles and vertices of a clu
 /// it, and the third vertex of the triangle on the known side. All three are the previous vertex
 /// where a traversal starts; those of vertex 0 are 0.
 struct Predictors {
-  uint32_t word;  ///< a, b and across, from the lowest byte on
+  /// A flag of the last of three vertices in a row that a traversal starts with.
+  static constexpr uint32_t kCloses = 1u << 24;
+
+  uint32_t word;  ///< a, b, across and the flag, from the lowest byte on
 
   uint32_t a() const { return word & 0xff; }
   uint32_t b() const { return word >> 8 & 0xff; }
-  uint32_t across() const { return word >> 16; }
+  uint32_t across() const { return word >> 16 & 0xff; }
+  bool closes_triangle() const { return (word & kCloses) != 0; }
 };
 constexpr Predictors predictors_of(uint32_t a, uint32_t b, uint32_t across) {
   return {a | b << 8 | across << 16};
@@ -64,8 +68,8 @@ struct BorderLinks {
 
 /// Reads `triangles.size() / 3` <= 256 triangles of `predictors.size()` <= 256 vertices, and each
 /// vertex's predictors. `border` has room for all vertices. Throws kCorrupt if a number is out of
-/// range.
-void decode_triangles(BitReader& in, std::span<uint8_t> triangles, std::span<Predictors> predictors,
+/// range. `version` is that of the file format.
+void decode_triangles(uint32_t version, BitReader& in, std::span<uint8_t> triangles, std::span<Predictors> predictors,
                       BorderLinks border);
 
 }  // namespace umbel::asset

@@ -17,14 +17,15 @@ struct Decoding {
 };
 
 /// The word that any eight bits begin with.
-constexpr std::array<Decoding, 1u << kLongestWord> decoding_table() {
-  std::array<Decoding, 1u << kLongestWord> table{};
+using DecodingTable = std::array<Decoding, 1u << kLongestWord>;
+constexpr DecodingTable decoding_table(const Words& words) {
+  DecodingTable table{};
   for (uint32_t bits = 0; bits < table.size(); ++bits)
-    for (const Word& word : kWords)
+    for (const Word& word : words)
       if ((bits & ((1u << word.length) - 1)) == word.code) table[bits] = {word.symbol, word.length};
   return table;
 }
-constexpr auto kDecodingTable = decoding_table();
+constexpr std::array kDecodingTables{decoding_table(kWords), decoding_table(kBorderWords)};
 
 constexpr uint32_t kMaxActiveEdges = 3 * kMaxLocal;  // a triangle opens three at most
 constexpr uint16_t kNoActiveEdge = kMaxActiveEdges + 2;
@@ -66,11 +67,13 @@ constexpr List kAll = list_of_all();
 }  // namespace
 
 // Over 60 lines: the lambdas share local state that a struct would keep in memory.
-void decode_triangles(BitReader& reader, std::span<uint8_t> triangles,
+void decode_triangles(uint32_t version, BitReader& reader, std::span<uint8_t> triangles,
                       std::span<Predictors> predictors, BorderLinks border) {
   const auto vertices = static_cast<uint32_t>(predictors.size());
   const auto end = static_cast<uint32_t>(triangles.size());
   BitReader in = reader;
+  const bool has_codes = version > 5;
+  const DecodingTable& words = kDecodingTables[has_codes ? in.read(1) : 0];
   // All active edges in the order of opening, the list of open ones, and for each vertex the last
   // one opened that starts there and that ends there.
   std::array<uint32_t, kNoActiveEdge + 1> edges;
@@ -90,9 +93,9 @@ void decode_triangles(BitReader& reader, std::span<uint8_t> triangles,
     predictors[known].word = active;
     return known++;
   };
-  const auto new_after_last = [&]() UMBEL_INLINE {
+  const auto new_after_last = [&](uint32_t mark) UMBEL_INLINE {
     const uint32_t before = known - (known > 0);
-    const uint32_t vertex = new_vertex(active_edge(before, before, before));
+    const uint32_t vertex = new_vertex(active_edge(before, before, before) | mark);
     from[vertex] = into[vertex] = kNoActiveEdge;
     return vertex;
   };
@@ -135,7 +138,11 @@ void decode_triangles(BitReader& reader, std::span<uint8_t> triangles,
   const auto start = [&]() UMBEL_INLINE {
     in.refill();
     uint32_t v[3];
-    for (uint32_t& corner : v) corner = in.take(1) ? new_after_last() : named();
+    if (has_codes && in.take(1)) {
+      for (uint32_t k = 0; k < 3; ++k) v[k] = new_after_last(k == 2 ? Predictors::kCloses : 0);
+    } else {
+      for (uint32_t& corner : v) corner = in.take(1) ? new_after_last(0) : named();
+    }
     add(v[0] | v[1] << 8, v[2]);
     for (uint32_t k = 0; k < 3; ++k)
       pass_edge(v[k], v[(k + 1) % 3], v[(k + 2) % 3], in.take(1) != 0);
@@ -150,7 +157,7 @@ void decode_triangles(BitReader& reader, std::span<uint8_t> triangles,
     edges[first] = kNowhere;
     first = list.next[first];
     in.ensure(kLongestWord + 8);  // and a vertex
-    const Decoding decoding = kDecodingTable[in.peek(kLongestWord)];
+    const Decoding decoding = words[in.peek(kLongestWord)];
     in.skip(decoding.length);
     const auto new_apex = [&](bool right, bool left) UMBEL_INLINE {
       const uint32_t c = new_vertex(active);
@@ -221,7 +228,7 @@ void decode_triangles(BitReader& reader, std::span<uint8_t> triangles,
         break;
     }
   }
-  while (known < vertices) new_after_last();
+  while (known < vertices) new_after_last(0);
   if (end > 0) std::memcpy(triangles.data(), corners.data(), end);
   reader = in;
 }

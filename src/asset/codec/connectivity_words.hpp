@@ -1,4 +1,4 @@
-// The prefix code of connectivity.hpp's symbols, for encoder and decoder.
+// The prefix codes of connectivity.hpp's symbols, for encoder and decoder.
 #pragma once
 
 #include <array>
@@ -22,7 +22,7 @@ constexpr uint32_t symbol(uint32_t apex, bool right, bool left) {
 }
 inline constexpr uint32_t kSymbols = 4 * kNothing + 4;
 
-/// One word of the prefix code.
+/// One word of a prefix code.
 struct Word {
   uint8_t symbol;
   uint8_t length;  ///< bits
@@ -30,19 +30,34 @@ struct Word {
 };
 
 inline constexpr uint32_t kLongestWord = 8;
+using Words = std::array<Word, 13>;
 /// Lengths follow the frequencies on scanned meshes. The code is complete: any bits decode.
-inline constexpr std::array<Word, 13> kWords{{{symbol(kNew, true, true), 1, 0b1},
-                                              {symbol(kAfter, true, true), 3, 0b110},
-                                              {symbol(kBefore, true, true), 3, 0b010},
-                                              {symbol(kNew, false, true), 4, 0b1100},
-                                              {symbol(kNew, true, false), 4, 0b0100},
-                                              {symbol(kNew, false, false), 5, 0b11000},
-                                              {symbol(kAfter, true, false), 5, 0b01000},
-                                              {symbol(kBefore, false, true), 5, 0b10000},
-                                              {symbol(kNamed, true, true), 6, 0b100000},
-                                              {symbol(kNamed, false, true), 8, 0b11000000},
-                                              {symbol(kNamed, true, false), 8, 0b01000000},
-                                              {symbol(kNamed, false, false), 8, 0b10000000},
-                                              {symbol(kNothing, false, false), 8, 0b00000000}}};
+inline constexpr Words kWords{{{symbol(kNew, true, true), 1, 0b1},
+                               {symbol(kAfter, true, true), 3, 0b110},
+                               {symbol(kBefore, true, true), 3, 0b010},
+                               {symbol(kNew, false, true), 4, 0b1100},
+                               {symbol(kNew, true, false), 4, 0b0100},
+                               {symbol(kNew, false, false), 5, 0b11000},
+                               {symbol(kAfter, true, false), 5, 0b01000},
+                               {symbol(kBefore, false, true), 5, 0b10000},
+                               {symbol(kNamed, true, true), 6, 0b100000},
+                               {symbol(kNamed, false, true), 8, 0b11000000},
+                               {symbol(kNamed, true, false), 8, 0b01000000},
+                               {symbol(kNamed, false, false), 8, 0b10000000},
+                               {symbol(kNothing, false, false), 8, 0b00000000}}};
+/// The same words in the same order, for clusters of many small regions.
+inline constexpr Words kBorderWords{{{symbol(kNew, true, true), 3, 0b100},
+                                     {symbol(kAfter, true, true), 6, 0b110000},
+                                     {symbol(kBefore, true, true), 5, 0b11000},
+                                     {symbol(kNew, false, true), 2, 0b11},
+                                     {symbol(kNew, true, false), 2, 0b01},
+                                     {symbol(kNew, false, false), 2, 0b10},
+                                     {symbol(kAfter, true, false), 6, 0b010000},
+                                     {symbol(kBefore, false, true), 5, 0b01000},
+                                     {symbol(kNamed, true, true), 8, 0b10000000},
+                                     {symbol(kNamed, false, true), 7, 0b1100000},
+                                     {symbol(kNamed, true, false), 7, 0b0100000},
+                                     {symbol(kNamed, false, false), 7, 0b1000000},
+                                     {symbol(kNothing, false, false), 8, 0b00000000}}};
 
 }  // namespace umbel::asset

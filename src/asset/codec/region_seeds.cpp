@@ -38,17 +38,24 @@ void RegionSeeds::load_values() {
   for (size_t v = 0; v < vertices_; ++v)
     if (stride > 0)
       std::memcpy(&rows_[v * blocks_], &values_[v * stride], stride * sizeof(int32_t));
+  edge_costs_.resize(triangles_.size());
+  for (size_t at = 0; at < triangles_.size(); ++at) {
+    const size_t next = at % 3 == 2 ? at - 2 : at + 1;
+    edge_costs_[at] = cost_of(triangles_[at], triangles_[next]);
+  }
+}
+
+uint32_t RegionSeeds::cost_of(size_t from, size_t to) const {
+  Unsigned4 sums{};
+  for (size_t i = 0; i < blocks_; ++i)
+    sums += bits_of(rows_[from * blocks_ + i], rows_[to * blocks_ + i]);
+  // A remainder has about one bit for each of its size, and one for its class.
+  const uint32_t bits = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+  return 2 * (bits - kNoBits * 4 * static_cast<uint32_t>(blocks_));
 }
 
 void RegionSeeds::find_costs(uint8_t last, std::span<const bool> known, uint32_t known_bits) {
-  const Int4* const from = rows_.data() + last * blocks_;
-  for (size_t v = 0; v < vertices_; ++v) {
-    Unsigned4 sums{};
-    for (size_t i = 0; i < blocks_; ++i) sums += bits_of(from[i], rows_[v * blocks_ + i]);
-    // A remainder has about one bit for each of its size, and one for its class.
-    const uint32_t bits = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-    costs_[v] = known[v] ? known_bits : 2 * (bits - kNoBits * 4 * static_cast<uint32_t>(blocks_));
-  }
+  for (size_t v = 0; v < vertices_; ++v) costs_[v] = known[v] ? known_bits : cost_of(last, v);
 }
 
 RegionSeeds::Seed RegionSeeds::next(uint8_t last, std::span<const bool> visited,
@@ -60,7 +67,13 @@ RegionSeeds::Seed RegionSeeds::next(uint8_t last, std::span<const bool> visited,
   uint32_t least = ~0u;
   for (const uint32_t t : rest_)
     for (uint32_t k = 0; k < 3; ++k) {
-      const uint32_t cost = costs_[triangles_[3 * t + k]];
+      const uint32_t n = (k + 1) % 3;
+      const auto along = [&](uint32_t edge, uint32_t to) {
+        return known[triangles_[3 * t + to]] ? known_bits : edge_costs_[3 * t + edge];
+      };
+      // The others would have to come some time, by other vertices.
+      const uint32_t others = along(k, n) + along(n, (n + 1) % 3);
+      const uint32_t cost = 2 * costs_[triangles_[3 * t + k]] + others;
       if (cost < least) least = cost, best = {t, k};
     }
   return best;

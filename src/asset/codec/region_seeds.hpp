@@ -1,5 +1,6 @@
 // Where the traversal of a cluster goes on once it has a whole connected region. The first vertex
-// of the next region is predicted by the last one of this, so it should be like it.
+// of the next region is predicted by the last one of this, and the two after it by each other, so
+// they should be alike.
 #pragma once
 
 #include <cstdint>
@@ -28,6 +29,7 @@ class RegionSeeds {
 
  private:
   void load_values();
+  uint32_t cost_of(size_t from, size_t to) const;
   void find_costs(uint8_t last, std::span<const bool> known, uint32_t known_bits);
 
   std::span<const uint8_t> triangles_;
@@ -36,7 +38,8 @@ class RegionSeeds {
   size_t blocks_ = 0;            ///< of four components, a vertex
   std::vector<Int4> rows_;       ///< the vertices' values, padded with zeros
   std::vector<uint32_t> rest_;   ///< triangles that were not visited, in order
-  std::vector<uint32_t> costs_;  ///< by vertex
+  std::vector<uint32_t> edge_costs_;  ///< by corner: from its vertex to the next corner's
+  std::vector<uint32_t> costs_;       ///< by vertex: from the last one
 };
 
 }  // namespace umbel::asset

@@ -1,5 +1,6 @@
 // Decodes what vertex_encoder.cpp writes: attribute after attribute, each of all vertices.
 #include "asset/codec/attribute_code.hpp"
+#include "asset/codec/uv_prediction.hpp"
 #include "asset/codec/vertex_decoding.hpp"
 
 namespace umbel::asset {
@@ -114,10 +115,10 @@ class ClusterReader {
   int32_t* row(uint32_t v) const { return group_ + first_ + v * stride_; }
 
   void fill_lowest(const Column& column) {
-    std::array<int32_t, kMaxComponents> lowest;
-    const size_t count = column.ranges.size();
-    for (size_t c = 0; c < count; ++c) lowest[c] = column.ranges[c].lowest;
-    for (const uint32_t v : own()) std::copy_n(lowest.data(), count, row(v) + column.at);
+    for (uint32_t c = 0; c < column.ranges.size(); ++c) {
+      const int32_t lowest = column.ranges[c].lowest;
+      for (const uint32_t v : own()) row(v)[column.at + c] = lowest;
+    }
   }
 
   AttributeCode read_code(const Column& column) {
@@ -130,6 +131,10 @@ class ClusterReader {
       code.is_geometric = true;
       code.shift = in_.read(kNormalShiftBits);
     } else {
+      if (version_ > 5 && may_be_mapped(column.format, column.ranges) && in_.read(1)) {
+        code.is_mapped = true;
+        code.is_mirrored = in_.read(1) != 0;
+      }
       code.has_starts = in_.read(1) != 0;
     }
     code.has_kinds = version_ > 4 && in_.read(1) != 0;
@@ -174,6 +179,8 @@ class ClusterReader {
     const size_t count = column.ranges.size();
     if (code.is_geometric)
       read_geometric(column, code, sources);
+    else if (code.is_mapped)
+      read_mapped(column, code, sources);
     else if (small && count == 2)
       smooth ? read_pair<true>(column, code, sources) : read_pair<false>(column, code, sources);
     else
@@ -291,6 +298,34 @@ class ClusterReader {
   }
 
   template <typename Sources>
+  [[gnu::noinline]] void read_mapped(const Column& column, const AttributeCode& code,
+                                     const Sources sources) {
+    if (!has_map_) {
+      map_positions(group_ + first_, static_cast<uint32_t>(stride_), cluster_.predictors, own(),
+                    map_);
+      has_map_ = true;
+    }
+    BitReader bits = in_;
+    int32_t *const values = group_ + column.at, *const mine = values + first_;
+    const size_t stride = stride_;
+    const std::array codes{Codes(code, 0), Codes(code, 1)};
+    const MappedUvs mapped(map_, code.is_mirrored);
+    for (const uint32_t v : own(code)) {
+      bits.refill();
+      if (sources.is_copy(v, bits)) {
+        store_two(load_two(values + sources.twin_row(v)), mine + v * stride);
+        continue;
+      }
+      const Kind kind = starts_region(cluster_.predictors[v]) ? kStart : kUsual;
+      const uint32_t first = codes[0].take(kind, bits);
+      const uint32_t second = codes[1].take(kind, bits);
+      store_two(mapped(v, mine, stride) + unzigzag_lanes(Lanes{first, second, 0, 0}),
+                mine + v * stride);
+    }
+    in_ = bits;
+  }
+
+  template <typename Sources>
   [[gnu::noinline]] void read_geometric(const Column& column, const AttributeCode& code,
                                         const Sources sources) {
     const int32_t steps = octahedral_steps(column.format.bits);
@@ -332,6 +367,8 @@ class ClusterReader {
   size_t first_;  // of its values, in the group's
   int damping_;
   OwnVertices own_;
+  bool has_map_ = false;
+  UvMap map_;
 };
 
 }  // namespace

@@ -28,33 +28,6 @@ inline uint32_t predicted(bool is_smooth, const int32_t* column, uint32_t stride
                    : predicted_flat(a, b, column[p.across() * stride], damping);
 }
 
-/// The vertices of a cluster that are its own.
-struct OwnVertices {
-  std::array<uint8_t, kMaxLocal + 1> vertices;
-  uint32_t count = 0;
-};
-
-/// Copies the vertices that a cluster shares with earlier ones, and lists the others: without a
-/// branch, which would be unpredictable.
-inline OwnVertices copy_shared(std::span<const uint32_t> source, uint32_t stride,
-                               std::span<int32_t> group, int32_t* integers) {
-  OwnVertices own;
-  std::array<uint8_t, kMaxLocal + 1> shared;
-  uint32_t count = 0, copies = 0;
-  const auto size = static_cast<uint32_t>(source.size());
-  for (uint32_t v = 0; v < size; ++v) {
-    own.vertices[count] = shared[copies] = static_cast<uint8_t>(v);
-    count += source[v] == kNone;
-    copies += source[v] != kNone;
-  }
-  own.count = count;
-  for (uint32_t i = 0; i < copies; ++i) {
-    const int32_t* const equal = group.data() + size_t{source[shared[i]]} * stride;
-    std::copy_n(equal, stride, integers + size_t{shared[i]} * stride);
-  }
-  return own;
-}
-
 // ---- four lanes at a time
 
 using Lanes = uint32_t __attribute__((vector_size(16)));
@@ -74,6 +47,35 @@ inline Lanes load_two(const int32_t* from) {
 }
 inline void store_two(Lanes lanes, int32_t* to) { std::memcpy(to, &lanes, sizeof(uint64_t)); }
 inline void store(Lanes lanes, int32_t* to) { std::memcpy(to, &lanes, sizeof(lanes)); }
+
+/// The vertices of a cluster that are its own.
+struct OwnVertices {
+  std::array<uint8_t, kMaxLocal + 1> vertices;
+  uint32_t count = 0;
+};
+
+/// Copies the vertices that a cluster shares with earlier ones, and lists the others: without a
+/// branch, which would be unpredictable.
+/// `stride` is a multiple of 4.
+inline OwnVertices copy_shared(std::span<const uint32_t> source, uint32_t stride,
+                               std::span<int32_t> group, int32_t* integers) {
+  OwnVertices own;
+  std::array<uint8_t, kMaxLocal + 1> shared;
+  uint32_t count = 0, copies = 0;
+  const auto size = static_cast<uint32_t>(source.size());
+  for (uint32_t v = 0; v < size; ++v) {
+    own.vertices[count] = shared[copies] = static_cast<uint8_t>(v);
+    count += source[v] == kNone;
+    copies += source[v] != kNone;
+  }
+  own.count = count;
+  for (uint32_t i = 0; i < copies; ++i) {
+    const int32_t* const equal = group.data() + size_t{source[shared[i]]} * stride;
+    int32_t* const row = integers + size_t{shared[i]} * stride;
+    for (uint32_t c = 0; c < stride; c += 4) store(load(equal + c), row + c);
+  }
+  return own;
+}
 
 /// Whether values are so small that no prediction leaves 32 bits.
 inline bool are_small(std::span<const ComponentRange> ranges) {

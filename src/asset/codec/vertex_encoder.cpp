@@ -2,6 +2,7 @@
 
 #include "asset/codec/attribute_code.hpp"
 #include "asset/codec/choose_code.hpp"
+#include "asset/codec/uv_prediction.hpp"
 #include "asset/codec/vertex_decoding.hpp"
 
 namespace umbel::asset {
@@ -38,6 +39,9 @@ int best_damping(const ClusterVertices& in) {
   return static_cast<int>(std::min_element(sums.begin(), sums.end()) - sums.begin());
 }
 
+/// What predicts an attribute's values.
+enum class Prediction { kVertices, kTriangles, kPositions };
+
 /// An attribute of a cluster's vertices: what is left of them once they are predicted.
 class AttributeEncoder {
  public:
@@ -47,8 +51,10 @@ class AttributeEncoder {
     remainders_.resize(size() * count_);
     for (size_t v = 0; v < size(); ++v)
       if (in_.is_own(v)) predict(v);
-    choose(remainders_, false);
-    if (may_be_geometric(format) && predict_by_triangles()) choose(geometric_, true);
+    choose(remainders_, Prediction::kVertices);
+    if (may_be_geometric(format) && predict_by_triangles())
+      choose(geometric_, Prediction::kTriangles);
+    if (may_be_mapped(format, ranges)) predict_by_positions();
   }
 
   void write(BitWriter& out) const {
@@ -58,6 +64,10 @@ class AttributeEncoder {
       if (code.twins != TwinRule::kNothing) out.write(code.twins == TwinRule::kAll, 1);
     }
     if (may_be_geometric(format_)) out.write(code.is_geometric, 1);
+    if (may_be_mapped(format_, ranges_)) {
+      out.write(code.is_mapped, 1);
+      if (code.is_mapped) out.write(code.is_mirrored, 1);
+    }
     if (code.is_geometric)
       out.write(code.shift, kNormalShiftBits);
     else
@@ -116,6 +126,36 @@ class AttributeEncoder {
     return true;
   }
 
+  /// Of both kinds of maps, that which leaves less.
+  void predict_by_positions() {
+    std::vector<uint8_t> own;
+    for (size_t v = 0; v < size(); ++v)
+      if (in_.is_own(v)) own.push_back(static_cast<uint8_t>(v));
+    UvMap map;
+    map_positions(in_.row(0), in_.stride, in_.cluster.predictors, own, map);
+    uint64_t least = ~uint64_t{0};
+    for (const bool is_mirrored : {false, true}) {
+      const MappedUvs mapped(map, is_mirrored);
+      std::vector<uint32_t> remainders(size() * count_);
+      uint64_t sum = 0;
+      for (const uint32_t v : own) {
+        if (v == 0) continue;
+        const Lanes expected = mapped(v, in_.row(0) + at_, in_.stride);
+        for (uint32_t c = 0; c < 2; ++c) {
+          remainders[2 * v + c] =
+              zigzag(static_cast<int32_t>(static_cast<uint32_t>(values(v)[c]) - expected[c]));
+          sum += remainders[2 * v + c];
+        }
+      }
+      if (sum < least) {
+        least = sum;
+        mapped_ = std::move(remainders);
+        is_mirrored_ = is_mirrored;
+      }
+    }
+    choose(mapped_, Prediction::kPositions);
+  }
+
   bool is_as_twin(size_t v) const {
     return in_.has_twin(v) &&
            std::equal(values(v), values(v) + count_,
@@ -123,20 +163,23 @@ class AttributeEncoder {
   }
 
   /// Takes the best rule of twins for these remainders, if it beats what was chosen before.
-  void choose(std::span<const uint32_t> remainders, bool geometric) {
+  void choose(std::span<const uint32_t> remainders, Prediction by) {
     size_t twins = 0, same = 0;
     for (size_t v = 0; v < size(); ++v)
       if (in_.is_own(v) && in_.has_twin(v)) ++twins, same += is_as_twin(v);
-    if (twins > 0 && same == twins) return consider(TwinRule::kAll, remainders, geometric);
-    consider(TwinRule::kNothing, remainders, geometric);
-    if (same > 0) consider(TwinRule::kFlags, remainders, geometric);
+    if (twins > 0 && same == twins) return consider(TwinRule::kAll, remainders, by);
+    consider(TwinRule::kNothing, remainders, by);
+    if (same > 0) consider(TwinRule::kFlags, remainders, by);
   }
 
-  void consider(TwinRule rule, std::span<const uint32_t> remainders, bool geometric) {
+  void consider(TwinRule rule, std::span<const uint32_t> remainders, Prediction by) {
+    const bool geometric = by == Prediction::kTriangles;
     AttributeCode code;
     code.twins = rule;
     code.is_geometric = geometric;
     code.shift = shift_;
+    code.is_mapped = by == Prediction::kPositions;
+    code.is_mirrored = is_mirrored_;
     std::vector<ComponentChoices>& choices = choices_;
     choices.clear();
     for (uint32_t c = 0; c < count_; ++c)
@@ -150,6 +193,7 @@ class AttributeEncoder {
         for (uint32_t c = 0; c < count_; ++c) bits += take_codes(choices[c], c, code);
         // They take a little longer to decode.
         if (has_kinds) bits += bits / kLeastGain;
+        if (code.is_mapped) bits += bits / kLeastGainOfMaps;
         if (bits < least_) least_ = bits, best_ = code;
       }
   }
@@ -218,7 +262,9 @@ class AttributeEncoder {
       out.write(is_as_twin(v), 1);
       if (is_as_twin(v)) return;
     }
-    const std::vector<uint32_t>& remainders = code.is_geometric ? geometric_ : remainders_;
+    const std::vector<uint32_t>& remainders = code.is_geometric ? geometric_
+                                              : code.is_mapped  ? mapped_
+                                                                : remainders_;
     const bool start = code.has_starts && starts_region(in_.cluster.predictors[v]);
     for (uint32_t c = 0; c < count_; ++c) {
       if (v == 0 && !code.is_geometric)
@@ -231,13 +277,16 @@ class AttributeEncoder {
 
   // Kinds of codes must save one of so many bits.
   static constexpr uint64_t kLeastGain = 48;
+  // And maps of positions to texture coordinates, which take longer.
+  static constexpr uint64_t kLeastGainOfMaps = 64;
 
   const ClusterVertices& in_;
   const AttributeFormat& format_;
   uint32_t at_, count_;
   std::span<const ComponentRange> ranges_;
   uint32_t shift_ = 0;
-  std::vector<uint32_t> remainders_, geometric_, list_;
+  bool is_mirrored_ = false;
+  std::vector<uint32_t> remainders_, geometric_, mapped_, list_;
   CodeChooser chooser_;
   std::vector<ComponentChoices> choices_;
   uint64_t least_ = ~uint64_t{0};

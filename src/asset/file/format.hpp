@@ -15,7 +15,7 @@
 namespace umbel::asset {
 
 /// What is written; versions from kOldestMajor on are read.
-inline constexpr uint16_t kVersionMajor = 5, kVersionMinor = 0, kOldestMajor = 3;
+inline constexpr uint16_t kVersionMajor = 6, kVersionMinor = 0, kOldestMajor = 3;
 /// Of pages and the end of the file header: a cache line.
 inline constexpr uint64_t kPageAlignment = 64;
 constexpr uint64_t page_alignment(uint32_t version) { return version == 3 ? 4096 : kPageAlignment; }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <memory>
 
 #include "asset/codec/shared_vertices.hpp"
 #include "asset/codec/twins.hpp"
@@ -224,7 +225,9 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
   const uint32_t stride = row_stride(format);
   size_t vertices = 0;
   for (size_t i = 0; i < count; ++i) vertices += tables.clusters[i].vertex_count;
-  std::vector<int32_t> integers(vertices * stride);
+  // Whatever a file says, all that is read has been written before, but for lanes that are left.
+  const auto memory = std::make_unique_for_overwrite<int32_t[]>(vertices * stride);
+  const std::span integers(memory.get(), vertices * stride);
   GroupBorders borders(vertices);
   std::array<Predictors, kMaxLocal> predictors;
   std::array<uint32_t, kMaxLocal> equals, twins;
@@ -234,7 +237,8 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
     BitReader in(chunk.subspan(begin, tables.ends[i] - begin), chunk.size() - tables.ends[i]);
     all[i].triangles.resize(size_t{3} * cluster.triangle_count);
     const auto mine = std::span(predictors).first(cluster.vertex_count);
-    decode_triangles(in, all[i].triangles, mine, borders.add_cluster(cluster.vertex_count));
+    decode_triangles(tables.version, in, all[i].triangles, mine,
+                     borders.add_cluster(cluster.vertex_count));
     borders.list_last();
     const auto equal = std::span(equals).first(cluster.vertex_count);
     decode_shared(in, borders, equal);
@@ -249,7 +253,7 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
     in.finish();
     dequantize(
         format,
-        std::span(integers).subspan(size_t{first} * stride, size_t{cluster.vertex_count} * stride),
+        integers.subspan(size_t{first} * stride, size_t{cluster.vertex_count} * stride),
         all[i]);
     begin = tables.ends[i];
     first += cluster.vertex_count;

@@ -90,7 +90,7 @@ TEST(CAsset, streams_to_the_cut_that_is_asked_for) {
   umbel_asset_info info;
   umbel_asset_info_init(&info);
   ASSERT_EQ(umbel_asset_get_info(asset, &info), UMBEL_OK);
-  EXPECT_EQ(info.version_major, 5u);
+  EXPECT_EQ(info.version_major, 6u);
   EXPECT_EQ(info.file_bytes, bytes.size());
   EXPECT_EQ(info.source_triangles, 20480u);
 

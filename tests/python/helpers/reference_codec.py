@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from helpers.reference_uvs import predict_uvs, signed
+
 
 class Bits:
     """A stream of bits, the lowest of a byte first."""
@@ -59,19 +61,31 @@ APEXES = {
     "named": ("00000001", "00000010", "00000011", "000001"),
     "nothing": ("00000000", "", "", ""),
 }
-WORDS = {
-    word: (apex, gates & 1, gates >> 1)
-    for apex, words in APEXES.items()
-    for gates, word in enumerate(words)
-    if word
+BORDER_APEXES = {
+    "new": ("01", "10", "11", "001"),
+    "from": ("", "000010", "", "000011"),
+    "into": ("", "", "00010", "00011"),
+    "named": ("0000001", "0000010", "0000011", "00000001"),
+    "nothing": ("00000000", "", "", ""),
 }
+WORDS, BORDER_WORDS = (
+    {
+        word: (apex, gates & 1, gates >> 1)
+        for apex, words in apexes.items()
+        for gates, word in enumerate(words)
+        if word
+    }
+    for apexes in (APEXES, BORDER_APEXES)
+)
 
 
 class Walk:
     """The triangles of a cluster, and from which vertices each vertex is predicted."""
 
-    def __init__(self, bits: Bits, vertices: int, triangles: int):
-        self.bits, self.seen, self.next = bits, 0, 0
+    def __init__(self, major: int, bits: Bits, vertices: int, triangles: int):
+        self.major, self.bits, self.seen, self.next = major, bits, 0, 0
+        self.words = BORDER_WORDS if major > 5 and bits.take(1) else WORDS
+        self.closing: set[int] = set()
         self.triangles: list[tuple[int, int, int]] = []
         self.parents: list[tuple[int, int, int]] = []
         self.gates: list[tuple[int, int, int]] = []
@@ -130,16 +144,19 @@ class Walk:
 
     def start(self) -> None:
         take, below = self.bits.take, self.bits.below
-        a, b, c = (self.new_after_last() if take(1) else below(self.seen) for _ in range(3))
+        new = self.major > 5 and take(1) == 1
+        a, b, c = (self.new_after_last() if new or take(1) else below(self.seen) for _ in range(3))
+        if new:
+            self.closing.add(c)
         self.triangles.append((a, b, c))
         for edge in ((a, b, c), (b, c, a), (c, a, b)):
             self.pass_edge(*edge, take(1))
 
     def cross(self, a: int, b: int, across: int) -> None:
         word = ""
-        while word not in WORDS:
+        while word not in self.words:
             word += str(self.bits.take(1))
-        apex, right, left = WORDS[word]
+        apex, right, left = self.words[word]
         if apex == "nothing":
             return
         if apex == "new":
@@ -209,10 +226,6 @@ class Borders:
                         twins[max(w, u)] = min(w, u)
                         w, u = ahead.get(w), back.get(u)
         return twins
-
-
-def signed(value: int) -> int:
-    return (value + 2**31) % 2**32 - 2**31
 
 
 def predict_normals(
@@ -288,7 +301,11 @@ class Cluster:
         if geometric:
             positions = [row[:3] for row in rows[base:]]
             normals = predict_normals(self.walk.triangles, positions, take(4), steps)
-        else:
+        is_uvs = (attribute.flag, attribute.coding, attribute.smooth) == (4, 1, 0)
+        small = all(low >= -(2**26) and low + 2**width <= 2**26 for low, width in ranges)
+        mapped = self.major > 5 and is_uvs and len(ranges) == 2 and small and take(1) == 1
+        mirrored = mapped and take(1) == 1
+        if not geometric:
             starts = take(1) == 1
         kinds = self.major > 4 and take(1) == 1
         codes = []
@@ -309,11 +326,16 @@ class Cluster:
                 row += [signed(lowest + take(width)) for lowest, width in ranges]
             else:
                 parents = self.walk.parents[v]
-                a, b, across = (rows[base + parent] for parent in parents)
-                for i, code in enumerate(codes, at):
-                    start = parents[0] == parents[1]
-                    predicted = predict(attribute, self.damping, a[i], b[i], across[i])
-                    row.append(signed(predicted + remainder_of(self.bits, *code[start])))
+                start = parents[0] == parents[1]
+                if mapped:
+                    mine = [row[:3] + row[at : at + 2] for row in rows[base : base + v + 1]]
+                    expected = predict_uvs(mine, parents, v, v in self.walk.closing, mirrored)
+                else:
+                    three = [rows[base + parent][at : at + len(ranges)] for parent in parents]
+                    values = zip(*three, strict=True)
+                    expected = [predict(attribute, self.damping, *of) for of in values]
+                for value, code in zip(expected, codes, strict=True):
+                    row.append(signed(value + remainder_of(self.bits, *code[start])))
 
     def code(self, has_kind: bool) -> tuple[int, int]:
         k = self.bits.take(5)

@@ -131,7 +131,7 @@ class Reader:
         self.data = data = path.read_bytes()
         assert data[:8] == b"\xabUMBL\r\n\x1a"
         self.major, _, size, file_bytes, head_bytes = struct.unpack_from("<HHIQQ", data, 8)
-        assert self.major in (3, 4, 5)
+        assert self.major in (3, 4, 5, 6)
         assert file_bytes == len(data)
         (count,) = struct.unpack_from("<I", data, 40)
         self.sections = {}
@@ -201,7 +201,7 @@ class Reader:
         borders, rows, made, boxes = Borders(), [], [], []
         for end, vertices, triangles, _, _, *box in records:
             bits = Bits(part[begin:end])
-            walk = Walk(bits, vertices + 1, triangles + 1)
+            walk = Walk(self.major, bits, vertices + 1, triangles + 1)
             first = len(rows)
             equal = borders.read_shared(bits, first, walk)
             if self.major == 3:

@@ -4,6 +4,7 @@
 #include <random>
 
 #include "asset/codec/connectivity.hpp"
+#include "asset/file/format.hpp"
 #include "asset/same_geometry.hpp"
 #include "umbel/mesh.hpp"
 
@@ -36,7 +37,7 @@ double expect_round_trip(const Triangles& triangles, uint32_t vertices) {
   Triangles decoded(triangles.size());
   std::vector<Predictors> predictors(vertices);
   std::vector<uint32_t> next(vertices, kNone), previous = next, last_to = next, last_from = next;
-  decode_triangles(in, decoded, predictors, {next.data(), previous.data(), 1000});
+  decode_triangles(kVersionMajor, in, decoded, predictors, {next.data(), previous.data(), 1000});
   EXPECT_NO_THROW(in.finish());
   for (const BorderEdge& edge : traversal.border) {
     last_to[edge.from] = 1000u + edge.to;
@@ -53,7 +54,8 @@ double expect_round_trip(const Triangles& triangles, uint32_t vertices) {
   for (uint32_t v = 0; v < vertices; ++v) {
     const Predictors& p = predictors[v];
     EXPECT_TRUE(p.a() == traversal.predictors[v].a() && p.b() == traversal.predictors[v].b() &&
-                p.across() == traversal.predictors[v].across());
+                p.across() == traversal.predictors[v].across() &&
+                p.closes_triangle() == traversal.predictors[v].closes_triangle());
     EXPECT_TRUE(v == 0 || (p.a() < v && p.b() < v && p.across() < v)) << v;
   }
   for (uint8_t& v : decoded) v = traversal.vertices[v];
@@ -78,6 +80,28 @@ TEST(Connectivity, takes_few_bits_for_a_smooth_surface) {
   const Mesh mesh = shapes::grid(11, 11);
   EXPECT_LT(expect_round_trip(local_triangles(mesh), static_cast<uint32_t>(mesh.positions.size())),
             2.9);
+}
+
+/// Pairs of triangles that have an edge in common.
+Triangles quads(uint8_t count) {
+  Triangles triangles;
+  for (uint8_t q = 0; q < count; ++q)
+    for (const int v : {0, 1, 2, 0, 2, 3}) triangles.push_back(static_cast<uint8_t>(4 * q + v));
+  return triangles;
+}
+
+// A region begins with one bit for its vertices and three for its edges, and goes on with a word of
+// two.
+TEST(Connectivity, takes_few_bits_for_many_small_regions) {
+  EXPECT_LT(expect_round_trip(quads(64), 256), 3.1);
+}
+
+TEST(Connectivity, marks_the_last_of_three_new_vertices) {
+  std::vector<std::byte> bytes;
+  BitWriter out(bytes);
+  const Traversal traversal = encode_triangles(quads(2), 8, {}, out);
+  for (uint32_t v = 0; v < 8; ++v)
+    EXPECT_EQ(traversal.predictors[v].closes_triangle(), v % 4 == 2) << v;
 }
 
 TEST(Connectivity, comes_back_for_any_triangles) {
@@ -107,7 +131,7 @@ TEST(Connectivity, of_garbage_is_refused_or_in_range) {
     BitReader in(bytes);
     std::vector<uint32_t> next(predictors.size(), 0), previous = next;
     try {
-      decode_triangles(in, triangles, predictors, {next.data(), previous.data(), 0});
+      decode_triangles(kVersionMajor, in, triangles, predictors, {next.data(), previous.data(), 0});
       for (const uint32_t v : next) ASSERT_LT(v, predictors.size());
       for (const uint8_t v : triangles) ASSERT_LT(v, predictors.size());
     } catch (const Error& error) {

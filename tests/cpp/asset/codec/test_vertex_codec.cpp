@@ -67,6 +67,10 @@ void expect_same_integers(const VertexFormat& format, uint32_t count, uint32_t b
   for (uint32_t v = 1; v < count; ++v)
     predictors[v] =
         predictors_of(uint32_t(random() % v), uint32_t(random() % v), uint32_t(random() % v));
+  // Some regions begin with a triangle.
+  for (uint32_t v = 2; v < count; ++v)
+    if (random() % 5 == 0)
+      predictors[v].word = predictors_of(v - 1, v - 1, v - 1).word | Predictors::kCloses;
   std::vector<uint8_t> triangles(size_t{3} * count);
   for (uint8_t& corner : triangles) corner = static_cast<uint8_t>(random() % count);
   const auto lowest = static_cast<int32_t>(bits == 0 ? 7 : ~0u << (bits - 1));
@@ -130,6 +134,27 @@ TEST(VertexCodec, predicts_the_normals_of_smooth_surfaces_by_their_triangles) {
   };
   // Without triangles, each normal is predicted by two others. A bit for each component less.
   EXPECT_LT(8 * bytes(made.triangles) + 2 * none.size(), 8 * bytes({}));
+}
+
+// The triangles of a ball pressed flat are of many shapes, so the parallelogram rule is far off.
+TEST(VertexCodec, predicts_texture_coordinates_by_positions) {
+  const AttributeFormat positions{kPositions, Coding::kGrid, 0, 0x1p-15f};
+  const AttributeFormat uvs{kUvs, Coding::kGrid, 0, 0x1p-12f};
+  const VertexFormat format = make_format({positions, uvs});
+  const Ball made = ball(make_format({positions}));
+  const auto count = static_cast<uint32_t>(made.predictors.size());
+  std::vector<int32_t> integers;
+  for (uint32_t v = 0; v < count; ++v) {
+    const int32_t* const p = &made.integers[3 * v];
+    integers.insert(integers.end(), {p[0], p[1], 0, p[0] + 2 * p[1], 3 * p[1] - p[0]});
+  }
+  const std::vector<uint32_t> none(count, kNone);
+  const auto bytes = [&](int32_t lowest, uint32_t bits) {
+    const std::vector<ComponentRange> ranges(5, {lowest, bits});
+    return expect_same(format, integers, {made.predictors, made.triangles}, {none, none}, ranges);
+  };
+  // Not where a group has large ones.
+  EXPECT_LT(10 * bytes(-(1 << 17), 18), 8 * bytes(-(1 << 27), 28));
 }
 
 TEST(VertexCodec, stores_values_of_twins_once) {

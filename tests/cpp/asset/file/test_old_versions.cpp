@@ -79,5 +79,12 @@ TEST(OldVersions, files_of_version_4_read_as_they_always_did) {
                           {"seams", 0x7a0accf36eee4040}});
 }
 
+TEST(OldVersions, files_of_version_5_read_as_they_always_did) {
+  expect_same_as_ever(5, {{"compact", 0x1cfbe5fee1715ddf},
+                          {"creases", 0x6ba638186fa693a0},
+                          {"exact", 0x5a3c77aca8e55eaf},
+                          {"seams", 0x852ba952264cc966}});
+}
+
 }  // namespace
 }  // namespace umbel

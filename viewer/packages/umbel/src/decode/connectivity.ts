@@ -17,28 +17,43 @@ const EXPLICIT = 3;
 const NO_TRIANGLE = 4;
 
 /** Prefix codes by apex: where neither edge is active, the right one, the left one, or both. */
-const CODES = [
+const WORDS = [
   ["00011", "0010", "0011", "1"], // a new vertex
   ["", "00010", "", "011"], // the end of the outgoing edge
   ["", "", "00001", "010"], // the start of the incoming edge
   ["00000001", "00000010", "00000011", "000001"], // explicit
   ["00000000", "", "", ""], // no triangle
 ];
+/** The same for clusters of many small regions. */
+const BORDER_WORDS = [
+  ["01", "10", "11", "001"],
+  ["", "000010", "", "000011"],
+  ["", "", "00010", "00011"],
+  ["0000001", "0000010", "0000011", "00000001"],
+  ["00000000", "", "", ""],
+];
+
 /** By the next eight bits: length of the code, apex, right and left, in 4, 3, 1 and 1 bits. */
-const TABLE = new Uint16Array(256);
-for (const [apex, codes] of CODES.entries()) {
-  for (const [edges, code] of codes.entries()) {
-    if (code === "") continue;
-    const low = [...code].reduce((sum, bit, i) => sum | (Number(bit) << i), 0);
-    for (let high = 0; high < 1 << (8 - code.length); ++high)
-      TABLE[low | (high << code.length)] = code.length | (apex << 4) | (edges << 7);
+function tableOf(words: readonly (readonly string[])[]): Uint16Array {
+  const table = new Uint16Array(256);
+  for (const [apex, codes] of words.entries()) {
+    for (const [edges, code] of codes.entries()) {
+      if (code === "") continue;
+      const low = [...code].reduce((sum, bit, i) => sum | (Number(bit) << i), 0);
+      for (let high = 0; high < 1 << (8 - code.length); ++high)
+        table[low | (high << code.length)] = code.length | (apex << 4) | (edges << 7);
+    }
   }
+  return table;
 }
+const TABLES = [tableOf(WORDS), tableOf(BORDER_WORDS)] as const;
 
 /** Decodes one cluster after another; keeps its scratch memory between them. */
 export class TriangleDecoder {
   /** For each vertex of the last cluster the three that predict it: a, b and the opposite one. */
   readonly predictors = new Uint8Array(3 * MAX_VERTICES);
+  /** Whether it is the last of three new vertices that a region starts with: 0 or 1. */
+  readonly closes = new Uint8Array(MAX_VERTICES);
   /** The border edges of the last cluster, start and end, in the order of decoding. */
   readonly border = new Uint8Array(2 * MAX_EDGES);
   borderEdges = 0;
@@ -55,8 +70,10 @@ export class TriangleDecoder {
   private vertexLimit = 0;
   private bits!: BitReader;
 
-  /** Writes 3 * `triangles` vertex numbers, each with `base` added, to `out` at `at`. */
+  /** Writes 3 * `triangles` vertex numbers, each with `base` added, to `out` at `at`. `version` is
+   * that of the file format. */
   decode(
+    version: number,
     bits: BitReader,
     vertices: number,
     triangles: number,
@@ -73,6 +90,7 @@ export class TriangleDecoder {
     this.incoming.fill(NO_EDGE);
     let first = 0;
     const end = at + 3 * triangles;
+    const table = version > 5 && bits.take(1) === 1 ? TABLES[1] : TABLES[0];
     while (at < end) {
       while (first < this.edges && this.isActive[first] === 0) ++first;
       let a: number;
@@ -83,7 +101,7 @@ export class TriangleDecoder {
       if (first < this.edges) {
         const edge = first++;
         this.unlink(edge);
-        const code = TABLE[bits.peek() & 0xff];
+        const code = table[bits.peek() & 0xff];
         bits.at += code & 15;
         const apex = (code >> 4) & 7;
         if (apex === NO_TRIANGLE) continue;
@@ -93,9 +111,11 @@ export class TriangleDecoder {
         right = (code >> 7) & 1;
         left = code >> 8;
       } else {
-        a = this.readVertex();
-        b = this.readVertex();
-        c = this.readVertex();
+        const areNew = version > 5 && bits.take(1) === 1;
+        a = areNew ? this.addVertexAfterLast() : this.readVertex();
+        b = areNew ? this.addVertexAfterLast() : this.readVertex();
+        c = areNew ? this.addVertexAfterLast() : this.readVertex();
+        if (areNew) this.closes[c] = 1;
         this.finishEdge(a, b, c, bits.take(1));
         right = -1;
         left = -1;
@@ -114,6 +134,7 @@ export class TriangleDecoder {
     if (this.vertices >= this.vertexLimit)
       corrupt("a cluster's triangles have more vertices than it has");
     const vertex = this.vertices++;
+    this.closes[vertex] = 0;
     this.predictors[3 * vertex] = a;
     this.predictors[3 * vertex + 1] = b;
     this.predictors[3 * vertex + 2] = opposite;

@@ -123,7 +123,7 @@ export class GroupReader {
       const firstTriangle = info.triangleOffsets[i];
       const triangles = info.triangleOffsets[i + 1] - firstTriangle;
       bits.at = 8 * begin;
-      triangleDecoder.decode(bits, count, triangles, indices, 3 * firstTriangle, first);
+      triangleDecoder.decode(this.header.fixed.major, bits, count, triangles, indices, 3 * firstTriangle, first);
       shared.read(bits, triangleDecoder, first, count);
       twins?.read(bits);
       this.readVertices(bits, shared, twins, rows, indices, i);
@@ -144,7 +144,7 @@ export class GroupReader {
     const { smooth, attributes } = this.mesh;
     const { vertexOffsets, triangleOffsets } = this.info;
     const { ranges } = this.tables;
-    const { predictors } = triangleDecoder;
+    const { predictors, closes } = triangleDecoder;
     const first = vertexOffsets[i];
     const count = vertexOffsets[i + 1] - first;
     if (twins === undefined)
@@ -159,10 +159,11 @@ export class GroupReader {
         at: 3 * triangleOffsets[i],
         end: 3 * triangleOffsets[i + 1],
         predictors,
+        closes,
         equal,
         twin: twins.twin,
         anyTwin: twins.any,
-        hasKinds: this.header.fixed.major > 4,
+        version: this.header.fixed.major,
       });
   }
 

@@ -4,10 +4,11 @@
 // docs/format.md specifies it under "A cluster's data".
 
 import { corrupt } from "../errors.js";
-import { type Attribute, MAX_COMPONENTS } from "../format/attributes.js";
+import { type Attribute, MAX_COMPONENTS, TEXTURE_COORDINATE } from "../format/attributes.js";
 import type { BitReader } from "./bit_reader.js";
 import type { ComponentRanges } from "./chunk_tables.js";
 import { folded, NormalPredictor } from "./normal_prediction.js";
+import { UvPredictor } from "./uv_prediction.js";
 
 /** In place of a parameter: the component's residuals are all zero. */
 export const ALL_ZERO = 31;
@@ -15,12 +16,15 @@ export const ALL_ZERO = 31;
 const NOTHING = 0;
 const ALL = 1;
 const FLAGS = 2;
+/** The largest texture coordinate that positions may predict. */
+const MOST_MAPPED = 2 ** 26;
 /** The codes of each component, of usual vertices and of those that start a region: a parameter and
  * a kind from KIND_AT on. */
 const KIND_AT = 5;
 const usual = new Uint8Array(MAX_COMPONENTS);
 const starts = new Uint8Array(MAX_COMPONENTS);
 const normals = new NormalPredictor();
+const uvs = new UvPredictor();
 
 /** A component's value, predicted from those of three vertices. */
 export function predict(
@@ -63,13 +67,15 @@ export interface ClusterRows {
   end: number;
   /** For each vertex of the cluster, the three that predict it. */
   predictors: Uint8Array;
+  /** Whether it is the last of a region's first triangle: 0 or 1. */
+  closes: Uint8Array;
   /** For each vertex of the group the earlier one that it is equal to, or -1. */
   equal: Int32Array;
   /** The one that has its position, or -1, and whether any vertex of the cluster has one. */
   twin: Int32Array;
   anyTwin: boolean;
-  /** Whether codes may be other than Rice's: since version 5. */
-  hasKinds: boolean;
+  /** Of the file format. */
+  version: number;
 }
 
 /** Writes the rows of a cluster's vertices. */
@@ -95,6 +101,15 @@ function fillLowest(at: number, end: number, ranges: ComponentRanges, cluster: C
   const { rows, stride, first, count, equal } = cluster;
   for (let v = first; v < first + count; ++v)
     if (equal[v] < 0) for (let i = at; i < end; ++i) rows[v * stride + i] = ranges.lowest[i];
+}
+
+/** Whether positions may predict an attribute: texture coordinates on a grid, none of them large. */
+function mayBeMapped(attribute: Attribute, at: number, ranges: ComponentRanges): boolean {
+  if (attribute.kind !== TEXTURE_COORDINATE || attribute.coding !== 1) return false;
+  if (attribute.components !== 2 || attribute.isSmooth) return false;
+  return [at, at + 1].every(
+    (i) => ranges.lowest[i] >= -MOST_MAPPED && ranges.lowest[i] + 2 ** ranges.bits[i] <= MOST_MAPPED,
+  );
 }
 
 function readTwinRule(bits: BitReader, at: number, anyTwin: boolean): number {
@@ -126,8 +141,12 @@ function decodeAttribute(
     const { indices, at: from, end: to } = cluster;
     normals.predict(rows, stride, indices, from, to, first, count, bits.take(4), steps);
   }
+  const isMapped =
+    cluster.version > 5 && mayBeMapped(attribute, at, ranges) && bits.take(1) === 1;
+  const isMirrored = isMapped && bits.take(1) === 1;
+  if (isMapped) uvs.map(cluster);
   const hasStarts = !isGeometric && bits.take(1) === 1;
-  const hasKinds = cluster.hasKinds && bits.take(1) === 1;
+  const hasKinds = cluster.version > 4 && bits.take(1) === 1;
   for (let i = at; i < end; ++i) {
     const isCoded = isGeometric || ranges.bits[i] > 0;
     usual[i] = isCoded ? readCode(bits, hasKinds) : ALL_ZERO;
@@ -146,6 +165,11 @@ function decodeAttribute(
       rows[row + at + 1] = normals.isLower[v] ? folded(y, x, steps) : y;
     } else if (v === 0) {
       for (let i = at; i < end; ++i) rows[row + i] = ranges.lowest[i] + bits.take(ranges.bits[i]);
+    } else if (isMapped) {
+      const codes = predictors[3 * v] === predictors[3 * v + 1] ? starts : usual;
+      uvs.predict(cluster, v, at, isMirrored);
+      rows[row + at] = uvs.u + residual(bits, codes[at]);
+      rows[row + at + 1] = uvs.v + residual(bits, codes[at + 1]);
     } else {
       const a = (first + predictors[3 * v]) * stride;
       const b = (first + predictors[3 * v + 1]) * stride;

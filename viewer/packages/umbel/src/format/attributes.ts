@@ -40,7 +40,8 @@ const NAMES = new Map<number, AttributeName>([
   [8, "colors"],
   [64, "material"],
 ]);
-const TEXTURE_COORDINATE = 4;
+/** The kind of texture coordinates, in any set. */
+export const TEXTURE_COORDINATE = 4;
 /** Names of the sets of texture coordinates, by their number. */
 export const UV_SETS = ["uvs", "uvs1", "uvs2", "uvs3"] as const;
 /** Floats of a vertex, once decoded. */

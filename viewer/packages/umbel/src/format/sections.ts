@@ -8,7 +8,7 @@ import { hasChecksum } from "./xxh64.js";
 export const FIXED_HEADER_SIZE = 128;
 /** Versions that are read. */
 const OLDEST = 3;
-const NEWEST = 5;
+const NEWEST = 6;
 const MAGIC = [0xab, 0x55, 0x4d, 0x42, 0x4c, 0x0d, 0x0a, 0x1a];
 const SECTION_ROW = 40;
 /** Of the opening size in the fixed header; its checksum follows. */
