@@ -72,9 +72,9 @@ uint64_t read_triangles(const std::vector<Part>& chunks) {
       umbel::BitReader in(std::span(chunk.bytes).subspan(begin, chunk.tables.ends[c] - begin),
                           chunk.bytes.size() - chunk.tables.ends[c]);
       const lod::Cluster& cluster = chunk.tables.clusters[c];
-      asset::decode_triangles(asset::kVersionMajor, in, std::span(triangles).first(3 * cluster.triangle_count),
-                              std::span(predictors).first(cluster.vertex_count),
-                              {next.data(), previous.data(), 0});
+      asset::decode_triangles(
+          asset::kVersionMajor, in, std::span(triangles).first(3 * cluster.triangle_count),
+          std::span(predictors).first(cluster.vertex_count), {next.data(), previous.data(), 0});
       sum += triangles[0] + next[0];
       begin = chunk.tables.ends[c];
     }

@@ -102,7 +102,8 @@ void there_and_back(const uint8_t* data, size_t size) {
   std::vector<asset::Predictors> predictors(vertices);
   std::array<uint32_t, asset::kMaxLocal> next, previous;
   umbel::BitReader in(bytes);
-  asset::decode_triangles(asset::kVersionMajor, in, read, predictors, {next.data(), previous.data(), 0});
+  asset::decode_triangles(asset::kVersionMajor, in, read, predictors,
+                          {next.data(), previous.data(), 0});
   in.finish();
   std::vector<Triangle> before(count), after(count);
   for (size_t i = 0; i < given.size(); ++i) {

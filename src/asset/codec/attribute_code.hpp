@@ -22,10 +22,10 @@ struct AttributeCode {
   TwinRule twins = TwinRule::kNothing;
   bool is_geometric = false;  ///< normals: predicted by the triangles
   uint32_t shift = 0;
-  bool is_mapped = false;     ///< texture coordinates: predicted by positions
-  bool is_mirrored = false;   ///< such a map is
-  bool has_starts = false;  ///< vertices that start a region have codes of their own
-  bool has_kinds = false;   ///< kinds of codes follow the parameters; else they are Rice codes
+  bool is_mapped = false;    ///< texture coordinates: predicted by positions
+  bool is_mirrored = false;  ///< by a map that is mirrored
+  bool has_starts = false;   ///< vertices that start a region have codes of their own
+  bool has_kinds = false;    ///< kinds of codes follow the parameters; else they are Rice codes
   /// By component: of usual vertices, and of those that start a region.
   std::array<std::array<RemainderCode, kMaxComponents>, 2> codes;
 };

@@ -165,6 +165,12 @@ class Encoder {
   }
 
  private:
+  /// A number of so many bits, or the place of a word among the words.
+  struct Code {
+    uint8_t value, bits;
+  };
+  static constexpr uint8_t kWord = 0xff;  ///< in place of the bits
+
   Predictors predictors_at_start() const {
     const uint32_t before = std::max(known(), 1u) - 1;
     return predictors_of(before, before, before);
@@ -192,7 +198,8 @@ class Encoder {
                      &triangles_[3 * seed.triangle] + 3, corners.begin());
     const auto [a, b, c] = corners;
     // One that is there twice has a number by the second time.
-    const bool all_new = !is_known_[a] && !is_known_[b] && !is_known_[c] && a != b && b != c && c != a;
+    const bool all_new =
+        !is_known_[a] && !is_known_[b] && !is_known_[c] && a != b && b != c && c != a;
     code(all_new, 1);
     for (const uint8_t vertex : corners) {
       if (!all_new) code(is_known_[vertex] ? 0 : 1, 1);
@@ -251,7 +258,10 @@ class Encoder {
   void write_codes(BitWriter& out) const {
     uint32_t bits = 0, of_border = 0;
     for (const Code& c : codes_)
-      if (c.bits == kWord) bits += kWords[c.value].length, of_border += kBorderWords[c.value].length;
+      if (c.bits == kWord) {
+        bits += kWords[c.value].length;
+        of_border += kBorderWords[c.value].length;
+      }
     const Words& words = of_border < bits ? kBorderWords : kWords;
     out.write(of_border < bits, 1);
     for (const Code& c : codes_)
@@ -276,17 +286,12 @@ class Encoder {
   std::span<const uint8_t> triangles_;
   EdgeTable edges_;
   RegionSeeds seeds_;
-  /// A number, or a word by its place among the words.
-  static constexpr uint8_t kWord = 0xff;
-  struct Code {
-    uint8_t value, bits;
-  };
-  std::vector<Code> codes_;
   uint32_t vertices_;
   std::array<bool, kMaxLocal> visited_{}, is_known_{};
   size_t left_;
   std::array<uint8_t, kMaxLocal> numbers_;
   Traversal traversal_;
+  std::vector<Code> codes_;  ///< what is written in the end
   Front front_;
 };
 

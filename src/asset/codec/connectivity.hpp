@@ -69,7 +69,7 @@ struct BorderLinks {
 /// Reads `triangles.size() / 3` <= 256 triangles of `predictors.size()` <= 256 vertices, and each
 /// vertex's predictors. `border` has room for all vertices. Throws kCorrupt if a number is out of
 /// range. `version` is that of the file format.
-void decode_triangles(uint32_t version, BitReader& in, std::span<uint8_t> triangles, std::span<Predictors> predictors,
-                      BorderLinks border);
+void decode_triangles(uint32_t version, BitReader& in, std::span<uint8_t> triangles,
+                      std::span<Predictors> predictors, BorderLinks border);
 
 }  // namespace umbel::asset

@@ -35,9 +35,9 @@ class RegionSeeds {
   std::span<const uint8_t> triangles_;
   std::span<const int32_t> values_;
   uint32_t vertices_;
-  size_t blocks_ = 0;            ///< of four components, a vertex
-  std::vector<Int4> rows_;       ///< the vertices' values, padded with zeros
-  std::vector<uint32_t> rest_;   ///< triangles that were not visited, in order
+  size_t blocks_ = 0;                 ///< of four components, a vertex
+  std::vector<Int4> rows_;            ///< the vertices' values, padded with zeros
+  std::vector<uint32_t> rest_;        ///< triangles that were not visited, in order
   std::vector<uint32_t> edge_costs_;  ///< by corner: from its vertex to the next corner's
   std::vector<uint32_t> costs_;       ///< by vertex: from the last one
 };

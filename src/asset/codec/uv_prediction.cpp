@@ -33,8 +33,8 @@ void map_positions(const int32_t* integers, uint32_t stride, std::span<const Pre
     const auto way = [&](const auto& to) {
       std::array<Float4, 4> rows;
       for (size_t i = 0; i < 4; ++i) {
-        const Lanes difference = load(integers + size_t{to(i)} * stride) -
-                                 load(integers + size_t{from[i].a()} * stride);
+        const Lanes difference =
+            load(integers + size_t{to(i)} * stride) - load(integers + size_t{from[i].a()} * stride);
         rows[i] = __builtin_convertvector(reinterpret_cast<SignedLanes>(difference), Float4);
       }
       transpose(rows[0], rows[1], rows[2], rows[3]);
@@ -50,8 +50,8 @@ void map_positions(const int32_t* integers, uint32_t stride, std::span<const Pre
     const Float4 third_off = closes ? ee : dot(third, third) - third_along * te;
     const Float4 ratio = sqrt4(x_off / third_off);
     const Float4 along = x_along + ratio * third_along;
-    const Int4 is_sound = (ee > zero) & (third_off > zero) & (along <= most) & (along >= -most) &
-                          (ratio <= most);
+    const Int4 is_sound =
+        (ee > zero) & (third_off > zero) & (along <= most) & (along >= -most) & (ratio <= most);
     // Else the parallelogram rule, or the vertex before.
     const Float4 usual_along = is_sound ? along : splat(1.0f);
     const Float4 usual_aside = is_sound ? -ratio : (closes ? zero : splat(-1.0f));

@@ -26,8 +26,8 @@ struct UvMap {
   std::array<Predictors, kMaxLocal> from;  ///< first, second, third
 };
 
-/// Of the vertices of a list of them, by positions that are `stride` >= 4 apart: a fourth integer is
-/// read and left.
+/// Of the vertices of a list of them, by positions that are `stride` >= 4 apart: a fourth integer
+/// is read and left.
 void map_positions(const int32_t* integers, uint32_t stride, std::span<const Predictors> predictors,
                    std::span<const uint8_t> vertices, UvMap& out);
 

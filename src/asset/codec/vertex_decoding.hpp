@@ -55,8 +55,7 @@ struct OwnVertices {
 };
 
 /// Copies the vertices that a cluster shares with earlier ones, and lists the others: without a
-/// branch, which would be unpredictable.
-/// `stride` is a multiple of 4.
+/// branch, which would be unpredictable. `stride` is a multiple of 4.
 inline OwnVertices copy_shared(std::span<const uint32_t> source, uint32_t stride,
                                std::span<int32_t> group, int32_t* integers) {
   OwnVertices own;

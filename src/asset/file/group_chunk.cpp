@@ -251,10 +251,9 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
                       tables.ranges, in, integers, first);
     }
     in.finish();
-    dequantize(
-        format,
-        integers.subspan(size_t{first} * stride, size_t{cluster.vertex_count} * stride),
-        all[i]);
+    dequantize(format,
+               integers.subspan(size_t{first} * stride, size_t{cluster.vertex_count} * stride),
+               all[i]);
     begin = tables.ends[i];
     first += cluster.vertex_count;
   }

@@ -7,9 +7,11 @@ import { Random } from "../support/random.js";
 import { show } from "./drive.js";
 import { mutated } from "./mutate.js";
 
-const FOLDERS = ["viewer", "format3", "format4", "format5"].map((name) => join(ROOT, "tests/vectors", name));
+const FOLDERS = ["viewer", "format3", "format4", "format5"].map((name) =>
+  join(ROOT, "tests/vectors", name),
+);
 
-/** Small assets of each kind, of both versions of the format, and all inputs that ever failed. */
+/** Small assets of each kind, of all versions of the format, and all inputs that ever failed. */
 export function corpus(): { name: string; file: Uint8Array }[] {
   return FOLDERS.flatMap((folder) =>
     readdirSync(folder)

@@ -55,7 +55,8 @@ TEST(Twins, are_all_found_and_read_back) {
     std::vector<Predictors> predictors(Creased::kVertices);
     std::vector<uint32_t> equal(Creased::kVertices), twin(Creased::kVertices);
     BitReader in(made.bytes[c]);
-    decode_triangles(kVersionMajor, in, triangles, predictors, borders.add_cluster(Creased::kVertices));
+    decode_triangles(kVersionMajor, in, triangles, predictors,
+                     borders.add_cluster(Creased::kVertices));
     borders.list_last();
     decode_shared(in, borders, equal);
     EXPECT_TRUE(decode_twins(in, borders, equal, twin));

@@ -62,7 +62,9 @@ function normals({ rows, stride, at, count }: Column, bits: number): Float32Arra
   const values = new Float32Array(3 * count);
   for (let v = 0; v < count; ++v) {
     decodeOctahedral(rows[v * stride + at], rows[v * stride + at + 1], m, normal);
-    values.set(normal, 3 * v);
+    values[3 * v] = normal[0];
+    values[3 * v + 1] = normal[1];
+    values[3 * v + 2] = normal[2];
   }
   return values;
 }

@@ -41,18 +41,28 @@ export class BitReader {
    *     an exponential Golomb code; 2 and 3: the same, but 0 is a class of its own before the others
    */
   coded(k: number, kind: number): number {
-    const word = this.peek() | 0x10000;
-    const zeros = 31 - Math.clz32(word & -word);
+    const word = this.peek();
+    const ended = word | 0x10000;
+    const zeros = 31 - Math.clz32(ended & -ended);
     if (zeros === 16) {
       this.at += 16;
       return this.take(32);
     }
-    this.at += zeros + 1;
     const apart = kind >> 1;
-    if (zeros < apart) return 0;
     const number = zeros - apart;
-    const grows = kind & 1;
-    const before = grows ? (1 << number) - 1 : number;
-    return (apart + (before << k) + this.take(k + grows * number)) >>> 0;
+    if (number < 0) {
+      this.at += 1;
+      return 0;
+    }
+    const grows = (kind & 1) === 1;
+    const bits = grows ? k + number : k;
+    const least = apart + ((grows ? (1 << number) - 1 : number) << k);
+    const used = zeros + 1;
+    if (used + bits <= 25) {
+      this.at += used + bits;
+      return least + ((word >>> used) & ((1 << bits) - 1));
+    }
+    this.at += used;
+    return (least + this.take(bits)) >>> 0;
   }
 }

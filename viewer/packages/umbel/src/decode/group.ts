@@ -123,7 +123,15 @@ export class GroupReader {
       const firstTriangle = info.triangleOffsets[i];
       const triangles = info.triangleOffsets[i + 1] - firstTriangle;
       bits.at = 8 * begin;
-      triangleDecoder.decode(this.header.fixed.major, bits, count, triangles, indices, 3 * firstTriangle, first);
+      triangleDecoder.decode(
+        this.header.fixed.major,
+        bits,
+        count,
+        triangles,
+        indices,
+        3 * firstTriangle,
+        first,
+      );
       shared.read(bits, triangleDecoder, first, count);
       twins?.read(bits);
       this.readVertices(bits, shared, twins, rows, indices, i);

@@ -23,6 +23,9 @@ const MOST_MAPPED = 2 ** 26;
 const KIND_AT = 5;
 const usual = new Uint8Array(MAX_COMPONENTS);
 const starts = new Uint8Array(MAX_COMPONENTS);
+/** The vertices of the cluster that are not shared, and how many there are. */
+const own = new Uint8Array(256);
+let owned = 0;
 const normals = new NormalPredictor();
 const uvs = new UvPredictor();
 
@@ -86,9 +89,13 @@ export function decodeVertices(
   cluster: ClusterRows,
 ): void {
   const { rows, stride, first, count, equal } = cluster;
-  for (let v = first; v < first + count; ++v)
-    if (equal[v] >= first) corrupt("a vertex is shared with a later one");
-    else if (equal[v] >= 0) rows.copyWithin(v * stride, equal[v] * stride, (equal[v] + 1) * stride);
+  owned = 0;
+  for (let v = 0; v < count; ++v) {
+    const same = equal[first + v];
+    if (same >= first) corrupt("a vertex is shared with a later one");
+    if (same < 0) own[owned++] = v;
+    else for (let i = 0; i < stride; ++i) rows[(first + v) * stride + i] = rows[same * stride + i];
+  }
   const damping = bits.take(2);
   let at = 0;
   for (const attribute of attributes) {
@@ -98,9 +105,11 @@ export function decodeVertices(
 }
 
 function fillLowest(at: number, end: number, ranges: ComponentRanges, cluster: ClusterRows): void {
-  const { rows, stride, first, count, equal } = cluster;
-  for (let v = first; v < first + count; ++v)
-    if (equal[v] < 0) for (let i = at; i < end; ++i) rows[v * stride + i] = ranges.lowest[i];
+  const { rows, stride, first } = cluster;
+  for (let i = at; i < end; ++i) {
+    const lowest = ranges.lowest[i];
+    for (let n = 0; n < owned; ++n) rows[(first + own[n]) * stride + i] = lowest;
+  }
 }
 
 /** Whether positions may predict an attribute: texture coordinates on a grid, none of them large. */
@@ -108,7 +117,8 @@ function mayBeMapped(attribute: Attribute, at: number, ranges: ComponentRanges):
   if (attribute.kind !== TEXTURE_COORDINATE || attribute.coding !== 1) return false;
   if (attribute.components !== 2 || attribute.isSmooth) return false;
   return [at, at + 1].every(
-    (i) => ranges.lowest[i] >= -MOST_MAPPED && ranges.lowest[i] + 2 ** ranges.bits[i] <= MOST_MAPPED,
+    (i) =>
+      ranges.lowest[i] >= -MOST_MAPPED && ranges.lowest[i] + 2 ** ranges.bits[i] <= MOST_MAPPED,
   );
 }
 
@@ -127,7 +137,8 @@ function decodeAttribute(
   cluster: ClusterRows,
   damping: number,
 ): void {
-  const { rows, stride, first, count, predictors, equal, twin } = cluster;
+  const { rows, stride, first, count, predictors, twin } = cluster;
+  const { isSmooth } = attribute;
   const end = at + attribute.components;
   if (ranges.bits.subarray(at, end).every((width) => width === 0)) {
     fillLowest(at, end, ranges, cluster);
@@ -141,8 +152,7 @@ function decodeAttribute(
     const { indices, at: from, end: to } = cluster;
     normals.predict(rows, stride, indices, from, to, first, count, bits.take(4), steps);
   }
-  const isMapped =
-    cluster.version > 5 && mayBeMapped(attribute, at, ranges) && bits.take(1) === 1;
+  const isMapped = cluster.version > 5 && mayBeMapped(attribute, at, ranges) && bits.take(1) === 1;
   const isMirrored = isMapped && bits.take(1) === 1;
   if (isMapped) uvs.map(cluster);
   const hasStarts = !isGeometric && bits.take(1) === 1;
@@ -152,8 +162,8 @@ function decodeAttribute(
     usual[i] = isCoded ? readCode(bits, hasKinds) : ALL_ZERO;
     starts[i] = isCoded && hasStarts ? readCode(bits, hasKinds) : usual[i];
   }
-  for (let v = 0; v < count; ++v) {
-    if (equal[first + v] >= 0) continue;
+  for (let n = 0; n < owned; ++n) {
+    const v = own[n];
     const row = (first + v) * stride;
     const same = rule === NOTHING ? -1 : twin[first + v];
     if (same >= 0 && (rule === ALL || bits.take(1) === 1)) {
@@ -177,7 +187,7 @@ function decodeAttribute(
       const codes = a === b ? starts : usual;
       for (let i = at; i < end; ++i)
         rows[row + i] =
-          predict(attribute.isSmooth, damping, rows[a + i], rows[b + i], rows[across + i]) +
+          predict(isSmooth, damping, rows[a + i], rows[b + i], rows[across + i]) +
           residual(bits, codes[i]);
     }
   }
