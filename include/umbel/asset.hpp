@@ -31,7 +31,7 @@
 namespace umbel {
 
 struct AssetInfo {
-  uint16_t version_major = 5, version_minor = 0;
+  uint16_t version_major = 6, version_minor = 0;
   uint64_t file_bytes = 0;
   uint64_t header_bytes = 0;  ///< what opening reads
   /// A hash of the whole file: the checksum of the fixed header, which covers all other checksums.

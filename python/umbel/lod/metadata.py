@@ -9,7 +9,7 @@ import struct
 from typing import Any
 
 _MAGIC = b"\xabUMBL\r\n\x1a"
-_MAJOR = 5  # that is written
+_MAJOR = 6  # that is written
 
 
 def stored(path: str | os.PathLike[str]) -> dict[str, Any] | None:

@@ -51,7 +51,9 @@ class MappedUvs {
     const Float4 third = from.closes_triangle() ? turned : way(from.across());
     Float4 sum = second * splat(map_.along[v]) + third * splat(map_.aside[v]);
     sum = max4(min4(sum, splat(kMost)), splat(-kMost));
-    sum = sum + (sum < splat(0.0f) ? splat(-0.5f) : splat(0.5f));
+    const SignedLanes sign =
+        reinterpret_cast<SignedLanes>(sum) & reinterpret_cast<SignedLanes>(splat(-0.0f));
+    sum = sum + reinterpret_cast<Float4>(sign | reinterpret_cast<SignedLanes>(splat(0.5f)));
     return first + reinterpret_cast<Lanes>(__builtin_convertvector(sum, SignedLanes));
   }
 
