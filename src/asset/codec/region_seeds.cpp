@@ -71,7 +71,7 @@ RegionSeeds::Seed RegionSeeds::next(uint8_t last, std::span<const bool> visited,
       const auto along = [&](uint32_t edge, uint32_t to) {
         return known[triangles_[3 * t + to]] ? known_bits : edge_costs_[3 * t + edge];
       };
-      // The others would have to come some time, by other vertices.
+      // The other two would come later anyway, so they count half.
       const uint32_t others = along(k, n) + along(n, (n + 1) % 3);
       const uint32_t cost = 2 * costs_[triangles_[3 * t + k]] + others;
       if (cost < least) least = cost, best = {t, k};
