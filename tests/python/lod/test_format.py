@@ -119,6 +119,37 @@ def test_reference_reader_agrees_on_further_attributes(tmp_path: Path, exact: bo
     expect_same(tmp_path / "a.umbel")
 
 
+def chart(mesh: umbel.Mesh, kind: str) -> np.ndarray:
+    x, y, z = mesh.positions.T
+    rng = np.random.default_rng(5)
+    return {
+        "flat": np.stack([x, y], 1),
+        "mirrored": np.stack([-x, y], 1),
+        "stretched": np.stack([100 * x, y / 50], 1),
+        "noise": rng.uniform(-1, 1, (len(x), 2)),
+        "large": np.stack([x, y], 1) * 1e4 + 3e4,
+        "far": np.stack([x, z], 1) + 1e9,
+        "constant": np.tile([0.25, 0.75], (len(x), 1)),
+        "one": np.stack([x, 0 * y], 1),
+    }[kind].astype(np.float32)
+
+
+KINDS = ("flat", "mirrored", "stretched", "noise", "large", "far", "constant", "one")
+
+
+# Smooth meshes, loose triangles, a strip of one side, a fan, and triangles without area.
+@pytest.mark.parametrize("kind", KINDS)
+def test_reference_reader_agrees_on_texture_coordinates(tmp_path: Path, kind: str) -> None:
+    shapes = umbel.shapes
+    line = umbel.Mesh(shapes.soup(60, seed=4).positions * (1, 0, 0), shapes.soup(60).triangles)
+    meshes = [shapes.blob(4), shapes.soup(300), shapes.moebius(20, 3), shapes.fan(50), line]
+    for mesh in meshes:
+        mesh.uvs = chart(mesh, kind)
+    lods = [umbel.build_lod(m, max_triangles=32, precision="10bits", force=True) for m in meshes]
+    umbel.save_asset(tmp_path / "a.umbel", lods)
+    expect_same(tmp_path / "a.umbel")
+
+
 def test_reference_reader_agrees_on_several_meshes_and_instances(tmp_path: Path) -> None:
     lods = [umbel.build_lod(decorated_blob(4)), umbel.build_lod(umbel.shapes.torus(24, 12))]
     moved = np.eye(4)
