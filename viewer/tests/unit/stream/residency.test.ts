@@ -54,7 +54,7 @@ test("what is known follows the cuts, and pages that were forgotten are fetched 
   const read = (page: number) =>
     readPage(PAGED.header, page, PAGED.file.subarray(offset[page], offset[page] + size[page]));
   // Less than what all cameras show.
-  const residency = new Residency(PAGED.header, 1_500_000, memoryOf, 20);
+  const residency = new Residency(PAGED.header, 1_200_000, memoryOf, 20);
   const { dag } = residency;
   const random = new Random(4);
   const seen = new Set<number>();
