@@ -45,7 +45,8 @@ inline constexpr Words kWords{{{symbol(kNew, true, true), 1, 0b1},
                                {symbol(kNamed, true, false), 8, 0b01000000},
                                {symbol(kNamed, false, false), 8, 0b10000000},
                                {symbol(kNothing, false, false), 8, 0b00000000}}};
-/// The same words in the same order, for clusters of many small regions.
+/// The same words in the same order, for clusters of many small regions: most of their triangles
+/// are at a border.
 inline constexpr Words kBorderWords{{{symbol(kNew, true, true), 3, 0b100},
                                      {symbol(kAfter, true, true), 6, 0b110000},
                                      {symbol(kBefore, true, true), 5, 0b11000},

@@ -1,11 +1,11 @@
 // Predicts texture coordinates by positions: most charts are nearly flat and stretched evenly, so
 // the map from a triangle to its texture coordinates goes on beyond its edges.
 //
-// The triangle behind the active edge is unfolded about that edge into the plane of the new one
-// (Isenburg & Snoeyink, "Compressing Texture Coordinates with Selective Linear Predictions", 2003,
-// compare such rules). Where a region starts, its first two vertices give a similarity for the
-// third. All of it is binary32 in a fixed order, so that every machine predicts the same;
-// docs/format.md has the arithmetic.
+// Triangles have similar shapes on the surface and in the texture (Váša & Brunnett, "Efficient
+// Encoding of Texture Coordinates Guided by Mesh Geometry", 2014). Here the triangle behind the
+// active edge is unfolded about that edge into the plane of the new one. Where a region starts, its
+// first two vertices give a similarity for the third. All of it is binary32 in a fixed order, so
+// that every machine predicts the same; docs/format.md has the arithmetic.
 #pragma once
 
 #include <array>

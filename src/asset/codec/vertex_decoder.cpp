@@ -180,9 +180,9 @@ class ClusterReader {
     if (code.is_geometric)
       read_geometric(column, code, sources);
     else if (code.is_mapped)
-      read_mapped(column, code, sources);
+      read_mapped_pair(column, code, sources);
     else if (small && count == 2)
-      smooth ? read_pair<true>(column, code, sources) : read_pair<false>(column, code, sources);
+      smooth ? read_smooth_pair(column, code, sources) : read_flat_pair(column, code, sources);
     else
       read_any(column, code, sources);
   }
@@ -269,14 +269,14 @@ class ClusterReader {
     in_ = bits;
   }
 
-  template <bool kSmooth, typename Sources>
+  /// `predict` gives what is expected of a vertex, from its number and its sources.
+  template <typename Sources, typename Predict>
   [[gnu::noinline]] void read_pair(const Column& column, const AttributeCode& code,
-                                   const Sources sources) {
+                                   const Sources sources, const Predict predict) {
     BitReader bits = in_;
     int32_t *const values = group_ + column.at, *const mine = values + first_;
     const size_t stride = stride_;
     const std::array codes{Codes(code, 0), Codes(code, 1)};
-    const FlatLanes flat(damping_);
     for (const uint32_t v : own(code)) {
       bits.refill();
       if (sources.is_copy(v, bits)) {
@@ -286,43 +286,43 @@ class ClusterReader {
       const Source source = sources(v);
       const uint32_t first = codes[0].take(source.kind, bits);
       const uint32_t second = codes[1].take(source.kind, bits);
-      const Lanes sum = load_two(values + source.a) + load_two(values + source.b);
-      Lanes expected;
-      if (kSmooth)
-        expected = reinterpret_cast<Lanes>(reinterpret_cast<SignedLanes>(sum) >> 1);
-      else
-        expected = flat(sum, load_two(values + source.across));
+      const Lanes expected = predict(v, source);
       store_two(expected + unzigzag_lanes(Lanes{first, second, 0, 0}), mine + v * stride);
     }
     in_ = bits;
   }
 
   template <typename Sources>
-  [[gnu::noinline]] void read_mapped(const Column& column, const AttributeCode& code,
-                                     const Sources sources) {
+  void read_smooth_pair(const Column& column, const AttributeCode& code, const Sources sources) {
+    const int32_t* const values = group_ + column.at;
+    read_pair(column, code, sources, [values](uint32_t, const Source& source) {
+      const Lanes sum = load_two(values + source.a) + load_two(values + source.b);
+      return reinterpret_cast<Lanes>(reinterpret_cast<SignedLanes>(sum) >> 1);
+    });
+  }
+
+  template <typename Sources>
+  void read_flat_pair(const Column& column, const AttributeCode& code, const Sources sources) {
+    const int32_t* const values = group_ + column.at;
+    const FlatLanes flat(damping_);
+    read_pair(column, code, sources, [values, flat](uint32_t, const Source& source) {
+      const Lanes sum = load_two(values + source.a) + load_two(values + source.b);
+      return flat(sum, load_two(values + source.across));
+    });
+  }
+
+  template <typename Sources>
+  void read_mapped_pair(const Column& column, const AttributeCode& code, const Sources sources) {
     if (!has_map_) {
       map_positions(group_ + first_, static_cast<uint32_t>(stride_), cluster_.predictors, own(),
                     map_);
       has_map_ = true;
     }
-    BitReader bits = in_;
-    int32_t *const values = group_ + column.at, *const mine = values + first_;
+    const int32_t* const mine = group_ + column.at + first_;
     const size_t stride = stride_;
-    const std::array codes{Codes(code, 0), Codes(code, 1)};
     const MappedUvs mapped(map_, code.is_mirrored);
-    for (const uint32_t v : own(code)) {
-      bits.refill();
-      if (sources.is_copy(v, bits)) {
-        store_two(load_two(values + sources.twin_row(v)), mine + v * stride);
-        continue;
-      }
-      const Kind kind = starts_region(cluster_.predictors[v]) ? kStart : kUsual;
-      const uint32_t first = codes[0].take(kind, bits);
-      const uint32_t second = codes[1].take(kind, bits);
-      store_two(mapped(v, mine, stride) + unzigzag_lanes(Lanes{first, second, 0, 0}),
-                mine + v * stride);
-    }
-    in_ = bits;
+    read_pair(column, code, sources,
+              [=](uint32_t v, const Source&) { return mapped(v, mine, stride); });
   }
 
   template <typename Sources>

@@ -225,7 +225,7 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
   const uint32_t stride = row_stride(format);
   size_t vertices = 0;
   for (size_t i = 0; i < count; ++i) vertices += tables.clusters[i].vertex_count;
-  // Whatever a file says, all that is read has been written before, but for lanes that are left.
+  // Not zeroed: whatever a file says, no value is read before it is written.
   const auto memory = std::make_unique_for_overwrite<int32_t[]>(vertices * stride);
   const std::span integers(memory.get(), vertices * stride);
   GroupBorders borders(vertices);
