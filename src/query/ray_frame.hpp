@@ -44,6 +44,7 @@ struct RayFrame {
   alignas(16) float inv[4];
   alignas(16) float near_b[4];
   alignas(16) float far_b[4];
+  alignas(16) float error[4];  ///< 16 u E |inv|, see above
   alignas(16) float origin[4];
   float sx, sy, sz;     ///< Woop's shear
   uint32_t kx, ky, kz;  ///< Woop's axes
@@ -80,6 +81,16 @@ static inline uint32_t sign_bits(Float4 lanes) {
 #endif
 }
 
+/// Lane by lane, of floats that are not negative: they compare as integers do, which is faster.
+static inline Float4 larger(Float4 a, Float4 b) {
+  return Float4(Int4(a) > Int4(b) ? Int4(a) : Int4(b));
+}
+/// The largest of the first three lanes, in all lanes.
+static inline Float4 largest_of(Float4 a) {
+  const Float4 b = larger(a, __builtin_shufflevector(a, a, 1, 2, 0, 0));
+  return larger(b, __builtin_shufflevector(a, a, 2, 0, 1, 1));
+}
+
 /// False where the ray can hit nothing. Long, because its values stay in vector registers.
 static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f) {
   constexpr float kMax = std::numeric_limits<float>::max();
@@ -92,8 +103,8 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   const Float4 away = Float4(Int4(o) & ~kSign), sums = a + away;
   // Written so that a NaN anywhere fails.
   if (!(sums[0] + sums[1] + sums[2] <= kMax) || !(ray.t_min <= ray.t_max)) return false;
-  float largest = std::max(std::max(a[0], a[1]), a[2]);
-  if (!(largest > 0.0f)) return false;
+  Float4 largest = largest_of(a);
+  if (!(largest[0] > 0.0f)) return false;
   const Float4 firsts = __builtin_shufflevector(a, a, 0, 0, 1, 3);
   const Float4 seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
   const uint32_t kz = kLargestAxis[sign_bits(Float4(firsts > seconds))];
@@ -101,8 +112,8 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   f.t_min = ray.t_min;
   f.t_max = ray.t_max;
   f.t_unit = 1.0f;
-  if (largest < 0x1p-20f || largest > 0x1p20f) [[unlikely]] {
-    const int exponent = std::min(std::max(exponent_of(largest), -126), 126);
+  if (largest[0] < 0x1p-20f || largest[0] > 0x1p20f) [[unlikely]] {
+    const int exponent = std::min(std::max(exponent_of(largest[0]), -126), 126);
     f.t_unit = power_of_two(-exponent);
     const float inverse = power_of_two(exponent);
     f.t_min *= inverse;
@@ -114,17 +125,20 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
 
   Float4 most;
   std::memcpy(&most, tree.max_abs_coord, sizeof most);
-  most = most > away ? most : away;
-  const float furthest = std::max(std::max(most[0], most[1]), most[2]);
-  const Float4 error_bound = most * 0x1p-20f + furthest * 0x1p-38f;
-  const float smallest = 0x1p-40f * largest;
-  const Float4 component = Float4(Int4(a < smallest ? Float4{} + smallest : a) | signs);
+  most = larger(most, away);
+  const Float4 error_bound = most * 0x1p-20f + largest_of(most) * 0x1p-38f;
+  const Float4 component = Float4(Int4(larger(a, largest * 0x1p-40f)) | signs);
   const Float4 inv = 1.0f / component, e = Float4(Int4(inv) & ~kSign) * error_bound;
   // Rounded once.
+#if defined(__FMA__)
+  const Float4 near_b = _mm_fnmsub_ps(o, inv, e), far_b = _mm_fnmadd_ps(o, inv, e);
+#else
   const Double4 b = __builtin_convertvector(o, Double4) * __builtin_convertvector(inv, Double4);
   const Double4 wide_e = __builtin_convertvector(e, Double4);
   const Float4 near_b = __builtin_convertvector(-wide_e - b, Float4);
   const Float4 far_b = __builtin_convertvector(wide_e - b, Float4);
+#endif
+  std::memcpy(f.error, &e, sizeof e);
   std::memcpy(f.inv, &inv, sizeof inv);
   std::memcpy(f.near_b, &near_b, sizeof near_b);
   std::memcpy(f.far_b, &far_b, sizeof far_b);

@@ -18,7 +18,8 @@ namespace umbel {
 template <typename Isa>
 class TriangleTester {
  public:
-  UMBEL_SIMD explicit TriangleTester(const RayFrame& f) : f_(f) {}
+  UMBEL_SIMD explicit TriangleTester(const RayFrame& f)
+      : f_(f), ox_(all(f.origin[f.kx])), oy_(all(f.origin[f.ky])), oz_(all(f.origin[f.kz])) {}
 
   UMBEL_SIMD uint32_t operator()(const LeafStore& tree, uint32_t link, bool cull_back, float t_max,
                                  LeafHits& hits) const {
@@ -28,17 +29,16 @@ class TriangleTester {
                  from_c = corner(tree, words, n, 2);
     const Corner a = sheared(from_a), b = sheared(from_b), c = sheared(from_c);
     Edges e{edge(c, b), edge(a, c), edge(b, a)};
+    const uint32_t triangles = (1u << n) - 1;
+    // By the signs, which are right as they are, as rounding never turns one around.
+    uint32_t lanes = triangles & ~signs(_mm256_or_ps(e.u, _mm256_or_ps(e.v, e.w)));
+    if (!cull_back) lanes |= triangles & signs(_mm256_and_ps(e.u, _mm256_and_ps(e.v, e.w)));
     const __m256 zero = _mm256_setzero_ps();
-    const __m256 least = _mm256_min_ps(e.u, _mm256_min_ps(e.v, e.w));
-    const __m256 most = _mm256_max_ps(e.u, _mm256_max_ps(e.v, e.w));
-    uint32_t lanes = Isa::mask_le(zero, least);
-    if (!cull_back) lanes |= Isa::mask_le(most, zero);
-    lanes &= (1u << n) - 1;
-    if (lanes == 0) return 0;
-    // Edge functions of both signs are right as they are: rounding never turns a sign around.
-    const uint32_t zeros = lanes & (Isa::mask_eq(least, zero) | Isa::mask_eq(most, zero));
+    const uint32_t zeros =
+        triangles & (Isa::mask_eq(e.u, zero) | Isa::mask_eq(e.v, zero) | Isa::mask_eq(e.w, zero));
     if (zeros != 0) [[unlikely]]
-      lanes = settle_zeros(a, b, c, zeros, lanes, cull_back, e);
+      lanes = settle_zeros(a, b, c, zeros, lanes | zeros, cull_back, e);
+    if (lanes == 0) return 0;
     const __m256 determinant = _mm256_add_ps(_mm256_add_ps(e.u, e.v), e.w);
     const __m256 depth = _mm256_add_ps(
         _mm256_add_ps(_mm256_mul_ps(e.u, a.z), _mm256_mul_ps(e.v, b.z)), _mm256_mul_ps(e.w, c.z));
@@ -84,8 +84,7 @@ class TriangleTester {
       y = Isa::load(rows + size_t{f_.ky} * n, n);
       z = Isa::load(rows + size_t{f_.kz} * n, n);
     }
-    return {_mm256_sub_ps(x, all(f_.origin[f_.kx])), _mm256_sub_ps(y, all(f_.origin[f_.ky])),
-            _mm256_sub_ps(z, all(f_.origin[f_.kz]))};
+    return {_mm256_sub_ps(x, ox_), _mm256_sub_ps(y, oy_), _mm256_sub_ps(z, oz_)};
   }
 
   UMBEL_SIMD Corner sheared(Corner p) const {
@@ -116,14 +115,16 @@ class TriangleTester {
   /// Where the ray is between a triangle's corners along one axis.
   UMBEL_SIMD Span span(__m256 a, __m256 b, __m256 c, uint32_t axis) const {
     const __m256 inv = all(f_.inv[axis]);
-    const __m256 error_bound =
-        _mm256_mul_ps(_mm256_sub_ps(all(f_.far_b[axis]), all(f_.near_b[axis])), all(kOwnBoxShare));
+    const __m256 error_bound = all(f_.error[axis] * kOwnBoxShare);
     const __m256 one = _mm256_mul_ps(_mm256_min_ps(c, _mm256_min_ps(a, b)), inv);
     const __m256 other = _mm256_mul_ps(_mm256_max_ps(c, _mm256_max_ps(a, b)), inv);
     return {_mm256_sub_ps(_mm256_min_ps(one, other), error_bound),
             _mm256_add_ps(_mm256_max_ps(one, other), error_bound)};
   }
 
+  UMBEL_SIMD static uint32_t signs(__m256 a) {
+    return static_cast<uint32_t>(_mm256_movemask_ps(a));
+  }
   UMBEL_SIMD static __m256 all(float x) { return _mm256_set1_ps(x); }
 
   /// Computes the edge functions of the lanes `zeros` again, and returns what is left of `lanes`.
@@ -152,6 +153,7 @@ class TriangleTester {
   }
 
   const RayFrame& f_;
+  __m256 ox_, oy_, oz_;  ///< the origin along the frame's axes
 };
 
 }  // namespace umbel

@@ -12,9 +12,9 @@ static inline bool test_triangle(const RayFrame& f, const FrameTriangle& triangl
   return test_triangle(f, f.origin[f.kx], f.origin[f.ky], f.origin[f.kz], triangle, cull_back, hit);
 }
 
-/// How wide the interval of a triangle's own box is made, as a share of far_b - near_b: see
-/// ray_frame.hpp.
-inline constexpr float kOwnBoxShare = 6.0f / 16.0f / 2.0f;
+/// By how much of the frame's error the interval of a triangle's own box is made wider at either
+/// end: see ray_frame.hpp.
+inline constexpr float kOwnBoxShare = 6.0f / 16.0f;
 
 /// False where the ray does not meet the triangle's own box (see ray_frame.hpp); else makes `t` no
 /// less than where it does.
@@ -25,12 +25,11 @@ static inline bool settle(const RayFrame& f, const LeafTriangle& triangle, float
   Float4 low = a < b ? a : b, high = a > b ? a : b;
   low = c < low ? c : low;
   high = c > high ? c : high;
-  Float4 o, inv, near_b, far_b;
+  Float4 o, inv, error;
   std::memcpy(&o, f.origin, sizeof o);
   std::memcpy(&inv, f.inv, sizeof inv);
-  std::memcpy(&near_b, f.near_b, sizeof near_b);
-  std::memcpy(&far_b, f.far_b, sizeof far_b);
-  const Float4 error_bound = (far_b - near_b) * kOwnBoxShare;
+  std::memcpy(&error, f.error, sizeof error);
+  const Float4 error_bound = error * kOwnBoxShare;
   const Float4 one = (low - o) * inv, other = (high - o) * inv;
   const Float4 enter = (one < other ? one : other) - error_bound,
                leave = (one > other ? one : other) + error_bound;

@@ -20,7 +20,7 @@ UMBEL_HOST_DEVICE inline float smaller(float a, float b) { return b < a ? b : a;
 
 /// RayFrame, without vectors of the processor.
 struct CompactFrame {
-  float inv[3], near_b[3], far_b[3];
+  float inv[3], near_b[3], far_b[3], error[3];
   Vec3 origin;
   float ox, oy, oz;  ///< the origin along Woop's axes
   float sx, sy, sz;
@@ -95,11 +95,11 @@ struct CompactFrame {
     for (uint32_t k = 0; k < 3; ++k) {
       const float error_bound = max_abs[k] * 0x1p-20f + furthest * 0x1p-38f;
       inv[k] = 1.0f / std::copysign(a[k] < smallest ? smallest : a[k], d[k]);
-      const float e = std::fabs(inv[k]) * error_bound;
+      error[k] = std::fabs(inv[k]) * error_bound;
       // Rounded once.
       const double b = -double{along(origin, k)} * double{inv[k]};
-      near_b[k] = static_cast<float>(b - double{e});
-      far_b[k] = static_cast<float>(b + double{e});
+      near_b[k] = static_cast<float>(b - double{error[k]});
+      far_b[k] = static_cast<float>(b + double{error[k]});
     }
   }
   UMBEL_HOST_DEVICE void make_shear(const float* d) {
@@ -131,7 +131,7 @@ UMBEL_HOST_DEVICE inline bool meets(const CompactFrame& f, const CompactTriangle
 /// makes `t` no less than where it does.
 UMBEL_HOST_DEVICE inline bool settles(const CompactFrame& f, const CompactTriangle& triangle,
                                       float& t) {
-  constexpr float kShare = 6.0f / 16.0f / 2.0f;
+  constexpr float kShare = 6.0f / 16.0f;
   float entry = 0, exit = 0;
   for (uint32_t k = 0; k < 3; ++k) {
     const float a = along(triangle.p0, k), b = along(triangle.p1, k), c = along(triangle.p2, k);
@@ -139,7 +139,7 @@ UMBEL_HOST_DEVICE inline bool settles(const CompactFrame& f, const CompactTriang
     low = c < low ? c : low;
     high = c > high ? c : high;
     const float o = along(f.origin, k);
-    const float error_bound = (f.far_b[k] - f.near_b[k]) * kShare;
+    const float error_bound = f.error[k] * kShare;
     const float one = (low - o) * f.inv[k], other = (high - o) * f.inv[k];
     const float enter = (one < other ? one : other) - error_bound;
     const float leave = (one > other ? one : other) + error_bound;
@@ -224,7 +224,7 @@ class RayVisitor : public Count {
     for (uint32_t k = 0; k < 3; ++k) {
       // t of plane q is q (cell inv) + (origin inv + b), with more room than ray_frame.hpp leaves
       // for planes that are not on a grid: see widen_error_bounds in ray_traverse.hpp.
-      const float more = (frame_.far_b[k] - frame_.near_b[k]) * 0.25f;
+      const float more = frame_.error[k] * 0.5f;
       const float inv = frame_.inv[k];
       const float cell = compact_cell(node.exponent[k]) * inv;
       const float origin = along(node.origin, k) * inv;

@@ -51,67 +51,107 @@ struct Avx512 {
                                      base, 4);
   }
 
-  /// Sorts (distance, link) as 64-bit integers by a network, of two, four or eight. Which is the
-  /// nearest is known before the others are sorted, and is what the next node waits for. Negative
-  /// distances come in the wrong order, which costs time and nothing else.
-  UMBEL_SIMD static uint32_t push(const uint32_t* at, uint32_t entered, __m256 near,
-                                  StackEntry*& top) {
-    const auto count = static_cast<uint32_t>(std::popcount(entered));
-    const __m256i links = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(at));
-    const __m512i interleave =
-        _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
-    const __m512i entries =
-        _mm512_permutex2var_epi32(_mm512_castsi256_si512(links), interleave,
-                                  _mm512_castsi256_si512(_mm256_castps_si256(near)));
-    const __m512i last = _mm512_set1_epi64(std::numeric_limits<int64_t>::max());
-    const __m512i packed =
-        _mm512_mask_compress_epi64(last, static_cast<__mmask8>(entered), entries);
-    if (count == 2) return push2(_mm512_castsi512_si128(packed), top);
-    // The furthest of the others comes first, the second nearest last.
-    const __m512i descending =
-        _mm512_sub_epi64(_mm512_set1_epi64(count - 1), _mm512_setr_epi64(0, 1, 2, 3, 4, 5, 6, 7));
-    StackEntry* const first = top;
-    top += count - 1;
-    if (count <= 4)
-      return push4(_mm512_castsi512_si256(packed), _mm512_castsi512_si256(descending), first);
-    const __m512i sorted = sort8(packed);
-    _mm512_storeu_si512(first, _mm512_permutexvar_epi64(descending, sorted));
-    return link_of(_mm512_castsi512_si128(sorted));
+  UMBEL_SIMD static uint32_t mask_le_bits(__m256i a, __m256i b) {
+    return _mm256_cmple_epi32_mask(a, b);
   }
 
-  UMBEL_SIMD static uint32_t link_of(__m128i entry) {
-    return static_cast<uint32_t>(_mm_cvtsi128_si32(entry));
+  /// Sorts distances as integers, whose last three bits give way to the child's number, by a
+  /// network of two, four or eight. So children that are entered at almost the same distance come
+  /// in the order of their numbers. Which is the nearest is known before the others are sorted, and
+  /// is what the next node waits for. Negative distances come in the wrong order. All that costs
+  /// time and nothing else: the distances on the stack are exact.
+  UMBEL_SIMD static uint32_t push(const uint32_t* links, uint32_t entered, __m256 near,
+                                  StackEntry*& top) {
+    constexpr int kNearOrNumber = 0xBA;  // (near & ~seven) | number
+    const __m256i number = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    const __m256i seven = _mm256_set1_epi32(7);
+    const __m256i last = _mm256_set1_epi32(std::numeric_limits<int32_t>::max());
+    const __m256i keys =
+        _mm256_ternarylogic_epi32(_mm256_castps_si256(near), seven, number, kNearOrNumber);
+    const __m256i packed = _mm256_mask_compress_epi32(last, static_cast<__mmask8>(entered), keys);
+    const __m128i few = _mm256_castsi256_si128(packed);
+    const auto count = static_cast<uint32_t>(std::popcount(entered));
+    const Children children{_mm256_loadu_si256(reinterpret_cast<const __m256i*>(links)), near};
+    if (count == 2) {
+      const __m128i swapped = _mm_shuffle_epi32(few, _MM_PERM_CDAB);
+      const __m128i further = _mm_max_epi32(few, swapped);
+      _mm_storel_epi64(reinterpret_cast<__m128i*>(top++), children.pair(further));
+      return links[child_of(_mm_min_epi32(few, swapped))];
+    }
+    StackEntry* const first = top;
+    top += count - 1;
+    // The furthest comes first, the second nearest last.
+    const __m256i descending =
+        _mm256_sub_epi32(_mm256_set1_epi32(static_cast<int>(count - 1)), number);
+    if (count <= 4) {
+      uint32_t nearest;
+      const __m128i sorted = sort4(few, nearest);
+      const __m128i order = _mm_castps_si128(
+          _mm_permutevar_ps(_mm_castsi128_ps(sorted), _mm256_castsi256_si128(descending)));
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(first), children.four(order));
+      return links[nearest];
+    }
+    const uint32_t nearest = child_of(least(few, _mm256_extracti128_si256(packed, 1)));
+    const __m256i order = _mm256_permutexvar_epi32(descending, sort8(packed));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(first),
+                        children.four(_mm256_castsi256_si128(order)));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(first + 4),
+                        children.four(_mm256_extracti128_si256(order, 1)));
+    return links[nearest];
   }
-  UMBEL_SIMD static uint32_t push2(__m128i a, StackEntry*& top) {
-    const __m128i b = _mm_shuffle_epi32(a, _MM_PERM_BADC);
-    _mm_storel_epi64(reinterpret_cast<__m128i*>(top++), _mm_max_epi64(a, b));
-    return link_of(_mm_min_epi64(a, b));
+
+ private:
+  /// What goes onto the stack, by keys: only their last three bits count.
+  struct Children {
+    __m256i links;
+    __m256 near;
+
+    UMBEL_SIMD __m256i four(__m128i keys) const {
+      const __m256i doubled = _mm256_permutevar8x32_epi32(
+          _mm256_castsi128_si256(keys), _mm256_setr_epi32(0, 0, 1, 1, 2, 2, 3, 3));
+      const __m256i link = _mm256_permutevar8x32_epi32(links, doubled);
+      const __m256i distance = _mm256_castps_si256(_mm256_permutevar8x32_ps(near, doubled));
+      return _mm256_blend_epi32(link, distance, 0b10101010);
+    }
+    UMBEL_SIMD __m128i pair(__m128i keys) const {
+      const __m256i wide = _mm256_castsi128_si256(keys);
+      const __m256i link = _mm256_permutevar8x32_epi32(links, wide);
+      const __m256i distance = _mm256_castps_si256(_mm256_permutevar8x32_ps(near, wide));
+      return _mm_unpacklo_epi32(_mm256_castsi256_si128(link), _mm256_castsi256_si128(distance));
+    }
+  };
+
+  UMBEL_SIMD static uint32_t child_of(__m128i keys) {
+    return static_cast<uint32_t>(_mm_cvtsi128_si32(keys)) & 7;
   }
-  UMBEL_SIMD static uint32_t push4(__m256i a, __m256i descending, StackEntry* first) {
-    a = exchange4<0b1010>(a, _mm256_shuffle_epi32(a, _MM_PERM_BADC));
-    a = exchange4<0b1100>(a, _mm256_permute4x64_epi64(a, 0b01'00'11'10));
-    const uint32_t nearest = link_of(_mm256_castsi256_si128(a));
-    a = exchange4<0b0100>(a, _mm256_permute4x64_epi64(a, 0b11'01'10'00));
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(first), _mm256_permutexvar_epi64(descending, a));
-    return nearest;
+  UMBEL_SIMD static __m128i least(__m128i a, __m128i b) {
+    a = _mm_min_epi32(a, b);
+    a = _mm_min_epi32(a, _mm_shuffle_epi32(a, _MM_PERM_BADC));
+    return _mm_min_epi32(a, _mm_shuffle_epi32(a, _MM_PERM_CDAB));
   }
   /// Keeps the larger of the two where the bit is set, else the smaller.
   template <uint32_t larger>
-  UMBEL_SIMD static __m256i exchange4(__m256i a, __m256i b) {
-    return _mm256_mask_max_epi64(_mm256_min_epi64(a, b), larger, a, b);
+  UMBEL_SIMD static __m128i exchange(__m128i a, __m128i b) {
+    return _mm_blend_epi32(_mm_min_epi32(a, b), _mm_max_epi32(a, b), larger);
   }
-
-  UMBEL_SIMD static __m512i sort8(__m512i a) {
-    a = exchange8(a, 0b10101010, _mm512_setr_epi64(1, 0, 3, 2, 5, 4, 7, 6));
-    a = exchange8(a, 0b11001100, _mm512_setr_epi64(3, 2, 1, 0, 7, 6, 5, 4));
-    a = exchange8(a, 0b10101010, _mm512_setr_epi64(1, 0, 3, 2, 5, 4, 7, 6));
-    a = exchange8(a, 0b11110000, _mm512_setr_epi64(7, 6, 5, 4, 3, 2, 1, 0));
-    a = exchange8(a, 0b11001100, _mm512_setr_epi64(2, 3, 0, 1, 6, 7, 4, 5));
-    return exchange8(a, 0b10101010, _mm512_setr_epi64(1, 0, 3, 2, 5, 4, 7, 6));
+  template <uint32_t larger>
+  UMBEL_SIMD static __m256i exchange(__m256i a, __m256i b) {
+    return _mm256_blend_epi32(_mm256_min_epi32(a, b), _mm256_max_epi32(a, b), larger);
   }
-  UMBEL_SIMD static __m512i exchange8(__m512i a, __mmask8 larger, __m512i partners) {
-    const __m512i b = _mm512_permutexvar_epi64(partners, a);
-    return _mm512_mask_max_epi64(_mm512_min_epi64(a, b), larger, a, b);
+  UMBEL_SIMD static __m128i sort4(__m128i a, uint32_t& nearest) {
+    a = exchange<0b1010>(a, _mm_shuffle_epi32(a, _MM_PERM_CDAB));
+    a = exchange<0b1100>(a, _mm_shuffle_epi32(a, _MM_PERM_BADC));
+    nearest = child_of(a);
+    return exchange<0b0100>(a, _mm_shuffle_epi32(a, _MM_PERM_DBCA));
+  }
+  UMBEL_SIMD static __m256i sort8(__m256i a) {
+    const __m256i reversed = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
+    a = exchange<0b10101010>(a, _mm256_shuffle_epi32(a, _MM_PERM_CDAB));
+    a = exchange<0b11001100>(a, _mm256_shuffle_epi32(a, _MM_PERM_ABCD));
+    a = exchange<0b10101010>(a, _mm256_shuffle_epi32(a, _MM_PERM_CDAB));
+    a = exchange<0b11110000>(a, _mm256_permutexvar_epi32(reversed, a));
+    a = exchange<0b11001100>(a, _mm256_shuffle_epi32(a, _MM_PERM_BADC));
+    return exchange<0b10101010>(a, _mm256_shuffle_epi32(a, _MM_PERM_CDAB));
   }
 };
 

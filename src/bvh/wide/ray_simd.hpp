@@ -1,6 +1,7 @@
 // The ray kernels of wide trees in 256-bit vectors, for the translation units that turn on an
 // instruction set before they include this. What the sets do differently comes from `Isa`, as in
 // query/simd_triangles.hpp, and
+//   mask_le_bits(a, b)               which lanes have a <= b, as signed integers
 //   children(links)                  which of eight links lead to a child; higher bits may be set
 //   push(links, entered, near, top)  puts the children of a mask, two at least, on the stack, the
 //                                    furthest first, except the nearest, whose link it returns
@@ -16,11 +17,49 @@
 
 namespace umbel {
 
+/// Where a ray enters eight boxes, by where it meets their near and their far planes. Distances
+/// that are not negative compare as integers do, which takes a cycle instead of three or four.
+template <typename Isa>
+class BoxEntry {
+ public:
+  struct Planes {
+    __m256 x, y, z;
+  };
+
+  // No -0, which is no integer 0.
+  UMBEL_SIMD explicit BoxEntry(const RayFrame& f)
+      : t_min_(_mm256_set1_ps(f.t_min + 0.0f)), has_negative_(f.t_min < 0.0f) {}
+
+  /// Returns which boxes the ray meets in [t_min, cull].
+  UMBEL_SIMD uint32_t operator()(const Planes& n, const Planes& f, float cull, __m256& near) const {
+    if (has_negative_) [[unlikely]] {
+      near = _mm256_max_ps(_mm256_max_ps(n.x, n.y), _mm256_max_ps(n.z, t_min_));
+      return Isa::mask_le(
+          near, _mm256_min_ps(_mm256_min_ps(f.x, f.y), _mm256_min_ps(f.z, _mm256_set1_ps(cull))));
+    }
+    // Of negative ones the order is wrong, but those are before t_min anyway.
+    const __m256i enter = _mm256_max_epi32(_mm256_max_epi32(bits(n.x), bits(n.y)),
+                                           _mm256_max_epi32(bits(n.z), bits(t_min_)));
+    const __m256i last =
+        _mm256_max_epi32(bits(_mm256_set1_ps(cull)), _mm256_setzero_si256());  // may be -0
+    const __m256i leave =
+        _mm256_min_epi32(_mm256_min_epi32(bits(f.x), bits(f.y)), _mm256_min_epi32(bits(f.z), last));
+    near = _mm256_castsi256_ps(enter);
+    return Isa::mask_le_bits(enter, leave);
+  }
+
+ private:
+  UMBEL_SIMD static __m256i bits(__m256 a) { return _mm256_castps_si256(a); }
+
+  __m256 t_min_;
+  bool has_negative_;
+};
+
 /// The box test of the eight children of a node.
 template <typename Isa>
 class BoxTester {
  public:
-  UMBEL_SIMD BoxTester(const RayFrame& f, const uint32_t* nodes) {
+  UMBEL_SIMD BoxTester(const RayFrame& f, const uint32_t* nodes) : entry_(f) {
     for (int axis = 0; axis < 3; ++axis) {
       inv_[axis] = _mm256_set1_ps(f.inv[axis]);
       near_b_[axis] = _mm256_set1_ps(f.near_b[axis]);
@@ -30,17 +69,14 @@ class BoxTester {
       near_[axis] = reinterpret_cast<const char*>(nodes) + near;
       far_[axis] = reinterpret_cast<const char*>(nodes) + (near ^ 32);
     }
-    t_min_ = _mm256_set1_ps(f.t_min);
   }
 
   UMBEL_SIMD uint32_t operator()(size_t link, float cull, __m256& near) const {
-    const __m256 nx = at(near_[0], link, 0, near_b_), fx = at(far_[0], link, 0, far_b_);
-    const __m256 ny = at(near_[1], link, 1, near_b_), fy = at(far_[1], link, 1, far_b_);
-    const __m256 nz = at(near_[2], link, 2, near_b_), fz = at(far_[2], link, 2, far_b_);
-    near = _mm256_max_ps(_mm256_max_ps(nx, ny), _mm256_max_ps(nz, t_min_));
-    const __m256 far =
-        _mm256_min_ps(_mm256_min_ps(fx, fy), _mm256_min_ps(fz, _mm256_set1_ps(cull)));
-    return Isa::mask_le(near, far);
+    return entry_(
+        {at(near_[0], link, 0, near_b_), at(near_[1], link, 1, near_b_),
+         at(near_[2], link, 2, near_b_)},
+        {at(far_[0], link, 0, far_b_), at(far_[1], link, 1, far_b_), at(far_[2], link, 2, far_b_)},
+        cull, near);
   }
 
  private:
@@ -49,7 +85,8 @@ class BoxTester {
                            inv_[axis], b[axis]);
   }
 
-  __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
+  BoxEntry<Isa> entry_;
+  __m256 inv_[3], near_b_[3], far_b_[3];
   const char *near_[3], *far_[3];  ///< planes of the first node
 };
 
@@ -57,7 +94,7 @@ class BoxTester {
 template <typename Isa>
 class GridBoxTester {
  public:
-  UMBEL_SIMD GridBoxTester(const RayFrame& f, const uint32_t* nodes) : nodes_(nodes) {
+  UMBEL_SIMD GridBoxTester(const RayFrame& f, const uint32_t* nodes) : entry_(f), nodes_(nodes) {
     Float4 near_b, far_b;
     widen_error_bounds(f, near_b, far_b);
     for (int axis = 0; axis < 3; ++axis) {
@@ -68,16 +105,13 @@ class GridBoxTester {
       near_at_[axis] = 2 * kRow * axis + flip;
       far_at_[axis] = 2 * kRow * axis + (kRow - flip);
     }
-    t_min_ = _mm256_set1_ps(f.t_min);
   }
 
   UMBEL_SIMD uint32_t operator()(size_t link, float cull, __m256& near) const {
     const uint32_t* const node = nodes_ + 2 * link;
     const Span x = span(node, 0), y = span(node, 1), z = span(node, 2);
-    near = _mm256_max_ps(_mm256_max_ps(x.near, y.near), _mm256_max_ps(z.near, t_min_));
-    const __m256 far =
-        _mm256_min_ps(_mm256_min_ps(x.far, y.far), _mm256_min_ps(z.far, _mm256_set1_ps(cull)));
-    return Isa::mask_le(near, far) & Isa::children(node + grid::links_at(8));
+    return entry_({x.near, y.near, z.near}, {x.far, y.far, z.far}, cull, near) &
+           Isa::children(node + grid::links_at(8));
   }
 
  private:
@@ -101,7 +135,8 @@ class GridBoxTester {
         _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(bytes))));
   }
 
-  __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
+  BoxEntry<Isa> entry_;
+  __m256 inv_[3], near_b_[3], far_b_[3];
   ptrdiff_t near_at_[3], far_at_[3];  ///< bytes from the first row on
   const uint32_t* nodes_;
 };

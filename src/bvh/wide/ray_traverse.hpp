@@ -96,7 +96,9 @@ class PlainBoxes {
 static inline void widen_error_bounds(const RayFrame& f, Float4& near_b, Float4& far_b) {
   std::memcpy(&near_b, f.near_b, sizeof near_b);
   std::memcpy(&far_b, f.far_b, sizeof far_b);
-  const Float4 more = (far_b - near_b) * 0.25f;
+  Float4 error;
+  std::memcpy(&error, f.error, sizeof error);
+  const Float4 more = error * 0.5f;
   near_b -= more;
   far_b += more;
 }
@@ -152,10 +154,16 @@ class GridBoxes {
 };
 
 /// Fetches what comes after the next node: its first two cache lines, as the hardware fetches the
-/// others. The stack's first entry points to nothing, which does no harm.
+/// others. The stack's first entry points to nothing, which does no harm. Without a branch, because
+/// whether it is a leaf is hard to predict.
 static inline void prefetch(const BvhData& tree, uint32_t link) {
-  const uint32_t* const words =
-      BvhData::is_leaf(link) ? leaf_words(tree, link) : tree.nodes.data() + size_t{2} * link;
+  const auto leaf = static_cast<uintptr_t>(static_cast<int32_t>(link) >> 31);  // all bits or none
+  const auto choose = [&](uintptr_t a, uintptr_t b) { return (a & leaf) | (b & ~leaf); };
+  const uintptr_t base = choose(reinterpret_cast<uintptr_t>(tree.leaves.data()),
+                                reinterpret_cast<uintptr_t>(tree.nodes.data()));
+  const uintptr_t at = choose(LeafStore::first_reference(link), link);
+  const auto* const words =
+      reinterpret_cast<const uint32_t*>(base) + at * choose(tree.reference_words(), 2);
   __builtin_prefetch(words);
   __builtin_prefetch(words + 16);
 }
