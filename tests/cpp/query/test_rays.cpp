@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 
+#include "base/math.hpp"
 #include "bvh/real_meshes.hpp"
 
 namespace umbel {
@@ -149,6 +150,51 @@ TEST(BvhOracle, every_instruction_set_gives_the_same_bits) {
         }
       }
   }
+}
+
+/// Rays through surfaces at a distance of zero, backwards, and within intervals that end at -0.
+std::vector<Ray> rays_about_their_origin(const MeshView& mesh) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  constexpr float kIntervals[][2] = {{-kInfinity, kInfinity}, {-kInfinity, 0}, {-kInfinity, -0.0f},
+                                     {-0.0f, kInfinity},      {-0.0f, 0},      {-0.0f, -0.0f},
+                                     {0, -0.0f},              {-1, -0.01f},    {-0.5f, 0.5f}};
+  std::vector<Ray> rays = adversarial_rays(mesh, 90, 17);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    if (i % 2 == 0) {
+      const Triangle& triangle = mesh.triangles[i * 7 % mesh.triangles.size()];
+      const Vec3 &a = mesh.positions[triangle[0]], &b = mesh.positions[triangle[1]];
+      rays[i].origin = i % 4 == 0 ? a : (a + b) * 0.5f;
+    }
+    rays[i].t_min = kIntervals[i % std::size(kIntervals)][0];
+    rays[i].t_max = kIntervals[i % std::size(kIntervals)][1];
+  }
+  return rays;
+}
+
+TEST(BvhOracle, negative_distances_and_zeros_of_either_sign_are_right_everywhere) {
+  size_t behind = 0, at_zero = 0;
+  for (const Named& named : small_meshes()) {
+    const MeshView mesh = named.mesh.view();
+    const std::vector<Ray> rays = rays_about_their_origin(mesh);
+    const std::vector<Truth> truths = truths_of(mesh, rays);
+    std::vector<Hit> hits;
+    for (const BvhConfig& config : all_configs()) {
+      if (config.tree.builder != bvh::builders()[0]) continue;
+      const Bvh tree = Bvh::build(mesh, config);
+      expect_right_hits(tree, mesh, rays, truths, named.name + ", " + described(config));
+      for (size_t i = 0; i < rays.size(); ++i) {
+        const Hit hit = tree.intersect(rays[i]);
+        if (hits.size() == i) hits.push_back(hit);
+        ASSERT_EQ(hit, hits[i]) << named.name << ", " << described(config) << ", ray " << i;
+      }
+    }
+    for (const Hit& hit : hits) {
+      behind += hit.hit() && hit.t < 0;
+      at_zero += hit.hit() && hit.t == 0;
+    }
+  }
+  EXPECT_GT(behind, 50u);
+  EXPECT_GT(at_zero, 20u);
 }
 
 TEST(BvhOracle, rays_that_are_aimed_at_a_mesh_find_it) {
