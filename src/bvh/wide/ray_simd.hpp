@@ -1,10 +1,8 @@
 // The ray kernels of wide trees in 256-bit vectors, for the translation units that turn on an
 // instruction set before they include this. What the sets do differently comes from `Isa`, as in
 // query/simd_triangles.hpp, and
-//   mask_le_bits(a, b)               which lanes have a <= b, as signed integers
-//   children(links)                  which of eight links lead to a child; higher bits may be set
-//   push(links, entered, near, top)  puts the children of a mask, two at least, on the stack, the
-//                                    furthest first, except the nearest, whose link it returns
+//   push(children, entered, nearest, top)  puts the children of a mask, two at least, on the stack,
+//                                          the furthest first, except the nearest
 // Box tests only cull, so how they round does not matter (see query/ray_frame.hpp).
 #pragma once
 
@@ -30,12 +28,13 @@ class BoxEntry {
   UMBEL_SIMD explicit BoxEntry(const RayFrame& f)
       : t_min_(_mm256_set1_ps(f.t_min + 0.0f)), has_negative_(f.t_min < 0.0f) {}
 
-  /// Returns which boxes the ray meets in [t_min, cull].
-  UMBEL_SIMD uint32_t operator()(const Planes& n, const Planes& f, float cull, __m256& near) const {
+  /// Returns all bits for the boxes that the ray does not meet in [t_min, cull], none for others.
+  UMBEL_SIMD __m256i operator()(const Planes& n, const Planes& f, float cull, __m256& near) const {
     if (has_negative_) [[unlikely]] {
       near = _mm256_max_ps(_mm256_max_ps(n.x, n.y), _mm256_max_ps(n.z, t_min_));
-      return Isa::mask_le(
-          near, _mm256_min_ps(_mm256_min_ps(f.x, f.y), _mm256_min_ps(f.z, _mm256_set1_ps(cull))));
+      const __m256 far =
+          _mm256_min_ps(_mm256_min_ps(f.x, f.y), _mm256_min_ps(f.z, _mm256_set1_ps(cull)));
+      return bits(_mm256_cmp_ps(near, far, _CMP_NLE_UQ));
     }
     // Of negative ones the order is wrong, but those are before t_min anyway.
     const __m256i enter = _mm256_max_epi32(_mm256_max_epi32(bits(n.x), bits(n.y)),
@@ -45,7 +44,7 @@ class BoxEntry {
     const __m256i leave =
         _mm256_min_epi32(_mm256_min_epi32(bits(f.x), bits(f.y)), _mm256_min_epi32(bits(f.z), last));
     near = _mm256_castsi256_ps(enter);
-    return Isa::mask_le_bits(enter, leave);
+    return _mm256_cmpgt_epi32(enter, leave);
   }
 
  private:
@@ -71,7 +70,7 @@ class BoxTester {
     }
   }
 
-  UMBEL_SIMD uint32_t operator()(size_t link, float cull, __m256& near) const {
+  UMBEL_SIMD __m256i operator()(size_t link, float cull, __m256& near) const {
     return entry_(
         {at(near_[0], link, 0, near_b_), at(near_[1], link, 1, near_b_),
          at(near_[2], link, 2, near_b_)},
@@ -107,11 +106,14 @@ class GridBoxTester {
     }
   }
 
-  UMBEL_SIMD uint32_t operator()(size_t link, float cull, __m256& near) const {
+  UMBEL_SIMD __m256i operator()(size_t link, float cull, __m256& near) const {
     const uint32_t* const node = nodes_ + 2 * link;
     const Span x = span(node, 0), y = span(node, 1), z = span(node, 2);
-    return entry_({x.near, y.near, z.near}, {x.far, y.far, z.far}, cull, near) &
-           Isa::children(node + grid::links_at(8));
+    const __m256i links =
+        _mm256_loadu_si256(reinterpret_cast<const __m256i*>(node + grid::links_at(8)));
+    const __m256i absent = _mm256_cmpeq_epi32(links, _mm256_set1_epi32(-1));
+    return _mm256_or_si256(absent,
+                           entry_({x.near, y.near, z.near}, {x.far, y.far, z.far}, cull, near));
   }
 
  private:
@@ -141,6 +143,32 @@ class GridBoxTester {
   const uint32_t* nodes_;
 };
 
+/// The children of a node, and where the ray enters them. They are sorted by distances as integers,
+/// whose last three bits give way to the child's number. So children that are entered at almost the
+/// same distance come in the order of their numbers, and those at negative distances in the wrong
+/// order. That costs time and nothing else: what goes onto the stack is `near`.
+struct NodeChildren {
+  const uint32_t* links;
+  __m256 near;
+
+  UMBEL_SIMD __m256i keys() const { return _mm256_or_si256(distances(), numbers()); }
+
+  /// This is what the next node waits for, so it takes as few steps as can be.
+  UMBEL_SIMD uint32_t nearest(__m256i missed) const {
+    const __m256i all = _mm256_or_si256(distances(), _mm256_or_si256(numbers(), missed));
+    __m128i least = _mm_min_epu32(_mm256_castsi256_si128(all), _mm256_extracti128_si256(all, 1));
+    least = _mm_min_epu32(least, _mm_shuffle_epi32(least, 0b01'00'11'10));
+    least = _mm_min_epu32(least, _mm_shuffle_epi32(least, 0b10'11'00'01));
+    return static_cast<uint32_t>(_mm_cvtsi128_si32(least)) & 7;
+  }
+
+ private:
+  UMBEL_SIMD __m256i distances() const {
+    return _mm256_and_si256(_mm256_castps_si256(near), _mm256_set1_epi32(0x7ffffff8));
+  }
+  UMBEL_SIMD static __m256i numbers() { return _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7); }
+};
+
 /// Nodes of eight children.
 template <typename Isa, bool quantised>
 class WideIntersector {
@@ -154,11 +182,16 @@ class WideIntersector {
 
   UMBEL_SIMD uint32_t visit(size_t node, float cull, StackEntry*& top) const {
     __m256 near;
-    const uint32_t entered = boxes_(node, cull, near);
+    const __m256i missed = boxes_(node, cull, near);
+    const auto missed_bits = static_cast<uint32_t>(_mm256_movemask_ps(_mm256_castsi256_ps(missed)));
+    const uint32_t entered = missed_bits ^ 255u;
     if (entered == 0) return kNoChild;
     const uint32_t* const links = links_ + 2 * node;
     if ((entered & (entered - 1)) == 0) return links[std::countr_zero(entered)];
-    return Isa::push(links, entered, near, top);
+    const NodeChildren children{links, near};
+    const uint32_t nearest = children.nearest(missed);
+    Isa::push(children, entered, nearest, top);
+    return links[nearest];
   }
   UMBEL_SIMD uint32_t triangles(const BvhData& tree, uint32_t link, bool cull_back, float t_max,
                                 LeafHits& hits) const {

@@ -42,10 +42,9 @@ class RayStack {
   StackEntry* base_ = small_;
 };
 
-/// Pushes the children of a mask, the furthest first, and takes the nearest off again.
-template <uint32_t width>
-static inline uint32_t push_sorted(const uint32_t* links, uint32_t entered, const float* near,
-                                   StackEntry*& top) {
+/// Pushes the children of a mask, the furthest first.
+static inline void push_sorted(const uint32_t* links, uint32_t entered, const float* near,
+                               StackEntry*& top) {
   StackEntry* const first = top;
   for (; entered != 0; entered &= entered - 1) {
     const auto child = static_cast<uint32_t>(std::countr_zero(entered));
@@ -53,6 +52,12 @@ static inline uint32_t push_sorted(const uint32_t* links, uint32_t entered, cons
     for (; at != first && at[-1].near < near[child]; --at) *at = at[-1];
     *at = {links[child], near[child]};
   }
+}
+/// The same, but returns the nearest, or kNoChild for an empty mask.
+static inline uint32_t push_but_nearest(const uint32_t* links, uint32_t entered, const float* near,
+                                        StackEntry*& top) {
+  if (entered == 0) return kNoChild;
+  push_sorted(links, entered, near, top);
   return (--top)->link;
 }
 
@@ -82,7 +87,7 @@ class PlainBoxes {
     }
     uint32_t entered = 0;
     for (uint32_t i = 0; i < width; ++i) entered |= static_cast<uint32_t>(near[i] <= far[i]) << i;
-    return entered == 0 ? kNoChild : push_sorted<width>(node + 6 * width, entered, near, top);
+    return push_but_nearest(node + 6 * width, entered, near, top);
   }
 
  private:
@@ -144,7 +149,7 @@ class GridBoxes {
     for (uint32_t i = 0; i < width; ++i) entered |= static_cast<uint32_t>(near[i] <= far[i]) << i;
     const uint32_t* const links = node + grid::links_at(width);
     entered &= children_of<width>(links);
-    return entered == 0 ? kNoChild : push_sorted<width>(links, entered, near, top);
+    return push_but_nearest(links, entered, near, top);
   }
 
  private:

@@ -155,9 +155,9 @@ TEST(BvhOracle, every_instruction_set_gives_the_same_bits) {
 /// Rays through surfaces at a distance of zero, backwards, and within intervals that end at -0.
 std::vector<Ray> rays_about_their_origin(const MeshView& mesh) {
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  constexpr float kIntervals[][2] = {{-kInfinity, kInfinity}, {-kInfinity, 0}, {-kInfinity, -0.0f},
-                                     {-0.0f, kInfinity},      {-0.0f, 0},      {-0.0f, -0.0f},
-                                     {0, -0.0f},              {-1, -0.01f},    {-0.5f, 0.5f}};
+  constexpr float kIntervals[][2] = {
+      {-kInfinity, kInfinity}, {-kInfinity, 0}, {-kInfinity, -0.0f}, {-0.0f, kInfinity}, {-0.0f, 0},
+      {-0.0f, -0.0f},          {0, -0.0f},      {-1, -0.01f},        {-0.5f, 0.5f}};
   std::vector<Ray> rays = adversarial_rays(mesh, 90, 17);
   for (size_t i = 0; i < rays.size(); ++i) {
     if (i % 2 == 0) {
