@@ -1,6 +1,6 @@
-"""Measures rays, builds and refits, and puts the figures into bench/results/rays-cpu.md. Takes some
-minutes, on a machine that does nothing else. With tinybvh too where CMake was told
-UMBEL_BENCH_TINYBVH=ON.
+"""Measures rays, builds and refits, and puts the figures into bench/results/rays-cpu-amd.md or
+rays-cpu-intel.md, as the processor is. Takes some minutes, on a machine that does nothing else.
+With tinybvh too where CMake was told UMBEL_BENCH_TINYBVH=ON.
 
     python bench/rays_docs.py --embree LIBRARY [--runs N] [--size PIXELS] MESH...
 """
@@ -65,7 +65,8 @@ def main() -> None:
         "trees": f"```\n{trees}\n```",
         "meshes": each.strip(),
     }
-    fill(ROOT / "bench" / "results" / "rays-cpu.md", texts)
+    vendor = "intel" if "Intel" in processor() else "amd"
+    fill(ROOT / "bench" / "results" / f"rays-cpu-{vendor}.md", texts)
 
 
 if __name__ == "__main__":
