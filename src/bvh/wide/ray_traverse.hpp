@@ -158,21 +158,6 @@ class GridBoxes {
   float t_min_;
 };
 
-/// Fetches what comes after the next node: its first two cache lines, as the hardware fetches the
-/// others. The stack's first entry points to nothing, which does no harm. Without a branch, because
-/// whether it is a leaf is hard to predict.
-static inline void prefetch(const BvhData& tree, uint32_t link) {
-  const auto leaf = static_cast<uintptr_t>(static_cast<int32_t>(link) >> 31);  // all bits or none
-  const auto choose = [&](uintptr_t a, uintptr_t b) { return (a & leaf) | (b & ~leaf); };
-  const uintptr_t base = choose(reinterpret_cast<uintptr_t>(tree.leaves.data()),
-                                reinterpret_cast<uintptr_t>(tree.nodes.data()));
-  const uintptr_t at = choose(LeafStore::first_reference(link), link);
-  const auto* const words =
-      reinterpret_cast<const uint32_t*>(base) + at * choose(tree.reference_words(), 2);
-  __builtin_prefetch(words);
-  __builtin_prefetch(words + 16);
-}
-
 /// Visits leaves from near to far. leaf(link) may lower cull, and ends the traversal by true.
 template <typename Intersector, typename Leaf>
 static inline bool traverse(const BvhData& tree, const Intersector& intersector, const float& cull,
@@ -183,10 +168,7 @@ static inline bool traverse(const BvhData& tree, const Intersector& intersector,
   *top++ = {kNoChild, -kInfinity};
   uint32_t link = 0;
   while (true) {
-    while (!BvhData::is_leaf(link)) {
-      link = intersector.visit(link, cull, top);
-      prefetch(tree, top[-1].link);
-    }
+    while (!BvhData::is_leaf(link)) link = intersector.visit(link, cull, top);
     if (link != kNoChild && leaf(link)) return true;
     do {
       link = (--top)->link;
