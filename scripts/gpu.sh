@@ -160,7 +160,7 @@ check() {
   for tool in memcheck racecheck synccheck; do
     if command -v compute-sanitizer >/dev/null 2>&1; then
       step "$tool" 130 compute-sanitizer --tool "$tool" --error-exitcode 9 "$tests" \
-        --gtest_brief=1 --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:'\
+        --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:'\
 'FrameClustersOnDevice.vertex*:BuildersSmall*:SelectOnDevice.what_is*:TraceOnDevice.overlaps*:'\
 'TraceOnDevice.closest*:TraceOnDevice.masks*:TraceOnDevice.hits_are_those_of_brute*:FrameGraph*'
     else

@@ -87,6 +87,11 @@ def layers() -> bool:
     return run(sys.executable, ROOT / "scripts" / "check_layers.py")
 
 
+def device_code() -> bool:
+    """What device code must not call."""
+    return run(sys.executable, ROOT / "scripts" / "check_device_code.py")
+
+
 def viewer(fix: bool) -> bool:
     """Formatting, lint and types of the web viewer."""
     return run(ROOT / "scripts" / "node.sh", "format" if fix else "lint")
@@ -138,6 +143,7 @@ def main() -> int:
     }
     if not options.fix:
         checks["layers"] = layers
+        checks["device code"] = device_code
         checks["mypy"] = mypy
         tidied = set(cpp_files()) if options.all else changed_files()
         # Only CUDA's compiler reads those, and what tests/simt makes of them GCC's.

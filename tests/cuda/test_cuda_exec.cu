@@ -1,7 +1,9 @@
 #include <algorithm>
+#include <bit>
 #include <numeric>
 #include <random>
 
+#include "base/bit_count.hpp"
 #include "cuda/cuda_exec.cuh"
 #include "device_arrays.cuh"
 
@@ -143,6 +145,28 @@ class ExecOnDevice : public OnDevice {
     ASSERT_EQ(count.read()[0], runs);
     EXPECT_EQ(starts.read(runs + 1), expected);
   }
+  /// What counts of bits give for a word with any highest and lowest bit.
+  template <typename Word>
+  void counts_of_bits() {
+    std::vector<Word> words{0};
+    for (uint32_t high = 0; high < 8 * sizeof(Word); ++high)
+      for (uint32_t low = 0; low <= high; ++low)
+        words.push_back(static_cast<Word>(Word{1} << high | Word{1} << low));
+    std::vector<uint32_t> expected;
+    for (const Word w : words)
+      expected.insert(expected.end(), {uint32_t(std::popcount(w)), uint32_t(std::countl_zero(w)),
+                                       uint32_t(std::countr_zero(Word(w | Word(w == 0))))});
+    const DeviceArray<Word> values(words);
+    const DeviceArray<uint32_t> counts(expected.size());
+    run([&](CudaExec& exec) {
+      exec.for_each(words.size(), [v = values.data(), c = counts.data()] __device__(size_t i) {
+        c[3 * i] = count_bits(v[i]);
+        c[3 * i + 1] = leading_zeros(v[i]);
+        c[3 * i + 2] = lowest_bit(Word(v[i] | Word(v[i] == 0)));
+      });
+    });
+    EXPECT_EQ(counts.read(), expected);
+  }
   template <typename Key>
   void sort(size_t n, uint32_t first, uint32_t last) {
     auto keys = random_keys<Key>(n, sizeof(Key) * 8);
@@ -162,6 +186,12 @@ class ExecOnDevice : public OnDevice {
 
 TEST_F(ExecOnDevice, for_each_visits_each_index_once) {
   for (const size_t n : kSizes) for_each(n);
+}
+// The standard library's are wrong there.
+TEST_F(ExecOnDevice, bits_are_counted) {
+  counts_of_bits<uint16_t>();
+  counts_of_bits<uint32_t>();
+  counts_of_bits<uint64_t>();
 }
 TEST_F(ExecOnDevice, layers_follow_each_other_until_one_is_empty) { layers(); }
 #if defined(UMBEL_SIMT)

@@ -8,6 +8,7 @@
 // of the two that it joins, so the same bytes come out whatever the order in which nodes are done.
 #pragma once
 
+#include "base/bit_count.hpp"
 #include "bvh/build/ploc.hpp"
 #include "bvh/build/radix_splits.hpp"
 #include "bvh/tree/merge_sums.hpp"
@@ -74,7 +75,7 @@ struct HplocClimb {
       uint32_t large = team.ballot(is_large);
       team.sync();
       while (large != 0) {
-        const auto lane = static_cast<uint32_t>(std::countr_zero(large));
+        const auto lane = lowest_bit(large);
         large &= large - 1;
         const uint32_t left = merge_at(team, shared.met[lane], shared);
         if (lane == team.rank()) kept = left;
@@ -132,8 +133,7 @@ struct HplocClimb {
     team.sync();
     uint32_t left = 0;
     for (uint32_t first = 0; first < count; first += team.size())
-      left +=
-          uint32_t(std::popcount(team.ballot(stays(shared.nearest, count, first + team.rank()))));
+      left += count_bits(team.ballot(stays(shared.nearest, count, first + team.rank())));
     if (left == count) {
       // Only where areas are no numbers.
       team.sync();
@@ -147,9 +147,8 @@ struct HplocClimb {
       const uint32_t i = first + team.rank();
       const bool is_left = stays(shared.nearest, count, i);
       const uint32_t all_left = team.ballot(is_left);
-      const uint32_t to =
-          before + uint32_t(std::popcount(all_left & ((uint32_t{1} << team.rank()) - 1)));
-      before += uint32_t(std::popcount(all_left));
+      const uint32_t to = before + count_bits(all_left & ((uint32_t{1} << team.rank()) - 1));
+      before += count_bits(all_left);
       if (!is_left) continue;
       HplocCluster cluster = shared.clusters[i];
       const uint32_t other = shared.nearest[i];

@@ -10,6 +10,7 @@
 #include <bit>
 #include <cstdint>
 
+#include "base/bit_count.hpp"
 #include "base/exec.hpp"
 #include "bvh/tree/merge_tree.hpp"
 
@@ -54,7 +55,7 @@ struct SplitGrid {
       const uint32_t low = cell(lows[axis], origins[axis]), high = cell(highs[axis], origins[axis]);
       const float length = highs[axis] - lows[axis];
       if (low == high) continue;
-      const uint32_t bit = static_cast<uint32_t>(std::bit_width(low ^ high)) - 1;
+      const uint32_t bit = highest_bit(low ^ high);
       const uint32_t level = kBits - 1 - bit;
       if (level > best.level || (level == best.level && !(length > longest))) continue;
       const float at = origins[axis] + static_cast<float>(high >> bit << bit) / scale;

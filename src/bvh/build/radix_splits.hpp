@@ -1,9 +1,9 @@
 // Where radix trees over sorted Morton codes part, for any executor.
 #pragma once
 
-#include <bit>
 #include <cstdint>
 
+#include "base/bit_count.hpp"
 #include "base/host_device.hpp"
 
 namespace umbel::bvh {
@@ -12,8 +12,8 @@ namespace umbel::bvh {
 template <typename Key>
 UMBEL_HOST_DEVICE inline int common_bits(const Key* codes, uint32_t i, uint32_t j) {
   const Key difference = codes[i] ^ codes[j];
-  if (difference != 0) return std::countl_zero(difference);
-  return int(sizeof(Key) * 8) + std::countl_zero(i ^ j);
+  if (difference != 0) return int(leading_zeros(difference));
+  return int(sizeof(Key) * 8) + int(leading_zeros(i ^ j));
 }
 
 /// Where the range [begin, end), of at least two codes, splits: the first position of the right

@@ -5,8 +5,8 @@
 #pragma once
 
 #include <algorithm>
-#include <bit>
 
+#include "base/bit_count.hpp"
 #include "base/morton.hpp"
 #include "cluster/frame/frame_mesh.hpp"
 
@@ -28,7 +28,7 @@ struct ClusterCodeBits {
   uint32_t of_cluster;  ///< an axis
 
   explicit ClusterCodeBits(uint32_t most)
-      : rank(static_cast<uint32_t>(std::bit_width(most - 1))),
+      : rank(32 - leading_zeros(most - 1)),
         of_cluster(std::min((64 - 3 * kOfTriangle - rank) / 3, 10u)) {}
   /// All but those of the cluster's code, which the rank stands for.
   uint32_t below_cluster() const { return rank + 3 * kOfTriangle; }

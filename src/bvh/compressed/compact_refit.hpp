@@ -4,8 +4,7 @@
 // Trees", 2012, makes those of binary trees). One atomic operation a node.
 #pragma once
 
-#include <bit>
-
+#include "base/bit_count.hpp"
 #include "bvh/compressed/compact_node.hpp"
 #include "bvh/tree/merge_tree.hpp"
 
@@ -56,7 +55,7 @@ void refit_compact(Exec& exec, const CompactArrays& tree, uint32_t triangles, co
                     arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
                      arrived[i] = 0;
                      if (i == 0) parents[0] = kNone;
-                     const uint32_t children = uint32_t(std::popcount(nodes[i].inner));
+                     const uint32_t children = count_bits(nodes[i].inner);
                      for (uint32_t k = 0; k < children; ++k)
                        parents[nodes[i].first_child + k] = static_cast<uint32_t>(i);
                    });
@@ -75,7 +74,7 @@ void refit_compact(Exec& exec, const CompactArrays& tree, uint32_t triangles, co
                        exact[node] = box;
                        const uint32_t parent = parents[node];
                        if (parent == kNone) break;
-                       const uint32_t children = uint32_t(std::popcount(tree.nodes[parent].inner));
+                       const uint32_t children = count_bits(tree.nodes[parent].inner);
                        if (!is_last_to_arrive(&arrived[parent], children - 1)) return;
                        node = parent;
                      }

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <limits>
 
+#include "base/bit_count.hpp"
 #include "base/host_device.hpp"
 #include "umbel/compact_bvh.hpp"
 
@@ -34,22 +35,6 @@ UMBEL_HOST_DEVICE inline T load_words(const T* from) {
   return value;
 #else
   return *from;
-#endif
-}
-
-UMBEL_HOST_DEVICE inline uint32_t count_bits(uint32_t bits) {
-#if defined(__CUDA_ARCH__)
-  return uint32_t(__popc(int(bits)));
-#else
-  return uint32_t(std::popcount(bits));
-#endif
-}
-/// Of a value that is not 0.
-UMBEL_HOST_DEVICE inline uint32_t lowest_bit(uint32_t bits) {
-#if defined(__CUDA_ARCH__)
-  return uint32_t(__ffs(int(bits))) - 1;
-#else
-  return uint32_t(std::countr_zero(bits));
 #endif
 }
 

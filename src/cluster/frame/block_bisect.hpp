@@ -8,6 +8,7 @@
 #include <bit>
 #include <cstdint>
 
+#include "base/bit_count.hpp"
 #include "cluster/frame/block_boxes.hpp"
 
 namespace umbel::cluster {
@@ -125,7 +126,7 @@ class BlockBisector {
     UMBEL_HOST_DEVICE static Binning of(const BlockBox& box, int axis) {
       const uint32_t range = 2 * box.extent(axis);
       if (range == 0) return {uint32_t(2 * int32_t(box.low[axis])), 1, 0};
-      const uint32_t shift = uint32_t(std::countl_zero(uint16_t(range)));
+      const uint32_t shift = leading_zeros(uint16_t(range));
       return {uint32_t(2 * int32_t(box.low[axis])), 1u << shift,
               (1u << 31) / ((range << shift) + 1)};
     }

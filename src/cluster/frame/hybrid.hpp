@@ -3,10 +3,10 @@
 // (cluster/frame/block_bisect.hpp). Borders of blocks move to where the curve jumps farthest.
 #pragma once
 
-#include <bit>
 #include <cstdint>
 #include <type_traits>
 
+#include "base/bit_count.hpp"
 #include "cluster/frame/block_bisect.hpp"
 #include "cluster/frame/morton_runs.hpp"
 
@@ -47,7 +47,7 @@ struct FindBlockBegins {
       uint32_t least = ~0u;
       for (uint32_t k = team.rank(); k < BlockSizes::kMove; k += team.size()) {
         const Key difference = codes[begin + k - 1] ^ codes[begin + k];
-        const auto common = static_cast<uint32_t>(std::countl_zero(difference));
+        const auto common = leading_zeros(difference);
         const uint32_t rank = common * BlockSizes::kMove + k;
         least = rank < least ? rank : least;
       }

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "base/bit_count.hpp"
 #include "base/exec.hpp"
 #include "lod/select/cull.hpp"
 #include "lod/select/instances.hpp"
@@ -165,8 +166,7 @@ struct ListGroups {
     const auto instance = uint32_t(word / s.words());
     for (uint32_t bits = s.bits[word]; bits; bits &= bits - 1, ++at)
       if (at < shown.room)
-        shown.groups[at] = {instance,
-                            uint32_t(word % s.words()) * 32 + uint32_t(std::countr_zero(bits))};
+        shown.groups[at] = {instance, uint32_t(word % s.words()) * 32 + lowest_bit(bits)};
   }
 };
 
@@ -244,8 +244,7 @@ void list_cuts(Exec& exec, const Selecting& s, const SelectionRoom& room,
   const ShownGroups shown{groups.data(), starts.data(), sizes.data(), cluster_starts.data(),
                           room.groups};
   exec.template exclusive_scan<uint32_t>(
-      s.all_words(),
-      [bits = s.bits] UMBEL_DEVICE_LAMBDA(size_t i) { return uint32_t(std::popcount(bits[i])); },
+      s.all_words(), [bits = s.bits] UMBEL_DEVICE_LAMBDA(size_t i) { return count_bits(bits[i]); },
       starts.data());
   exec.for_each(s.all_words(), ListGroups{s, shown});
   uint32_t* count = &out.counts->groups;

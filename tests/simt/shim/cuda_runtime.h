@@ -78,6 +78,14 @@ UMBEL_SIMT_INLINE unsigned __match_any_sync(unsigned mask, T value) {
 UMBEL_SIMT_INLINE unsigned __activemask() { return umbel::simt::gather_lanes(); }
 
 UMBEL_SIMT_INLINE int __popc(unsigned bits) { return std::popcount(bits); }
+UMBEL_SIMT_INLINE int __popcll(unsigned long long bits) { return std::popcount(bits); }
+UMBEL_SIMT_INLINE int __clz(int bits) { return std::countl_zero(unsigned(bits)); }
+UMBEL_SIMT_INLINE int __clzll(long long bits) {
+  return std::countl_zero(static_cast<unsigned long long>(bits));
+}
+UMBEL_SIMT_INLINE int __ffsll(long long bits) {
+  return bits ? std::countr_zero(static_cast<unsigned long long>(bits)) + 1 : 0;
+}
 UMBEL_SIMT_INLINE int __ffs(int bits) { return bits ? std::countr_zero(unsigned(bits)) + 1 : 0; }
 UMBEL_SIMT_INLINE float __fmaf_rn(float a, float b, float c) { return std::fma(a, b, c); }
 template <typename T>
