@@ -1,7 +1,7 @@
 """Checks that code for devices counts bits by base/bit_count.hpp alone.
 
-What CUDA's compiler makes of the standard library's functions, and of GCC's built-in ones for `long`
-and for trailing zeros, compiles and gives wrong numbers.
+What CUDA's compiler makes of the standard library's functions, and of GCC's built-in ones for
+`long` and for trailing zeros, compiles and gives wrong numbers.
 """
 
 import re
@@ -18,7 +18,7 @@ COUNTS_BITS = re.compile(
 
 
 def findings(text: str) -> list[tuple[int, str]]:
-    """Lines, by number, that count bits in another way. What `constexpr` says is found out before."""
+    """Lines, by number, that count bits in another way; those of constants may."""
     if not IS_DEVICE_CODE.search(text):
         return []
     return [

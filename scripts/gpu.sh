@@ -147,11 +147,28 @@ measure() {
   else
     skip hierarchies "there are no scenes in $carry, or no NumPy"
   fi
-  if command -v nsys >/dev/null 2>&1 && ((${#meshes[@]} > 0)); then
-    step profile 60 nsys profile --stats=true --force-overwrite=true -o "$logs/profile" \
-      "$bin/cuda_bvh_bench" --runs 2 "${meshes[0]}"
-  else
-    skip profile "there is no nsys here"
+  profile
+}
+
+# What the kernels of a build take. Clocks are left as they are.
+profile() {
+  if ! command -v ncu >/dev/null 2>&1 || ((${#meshes[@]} == 0)); then
+    skip profile "there is no ncu here, or no scene"
+    return
+  fi
+  local -a ncu=(ncu --csv --page details --print-units base --clock-control none
+    --section SpeedOfLight --section Occupancy --section WarpStateStats)
+  local builder pages=()
+  for builder in lbvh hploc; do
+    step "profile-$builder" 60 "${ncu[@]}" --launch-count 26 --log-file "$logs/profile-$builder.csv" \
+      "$bin/cuda_bvh_bench" --runs 1 --builder "$builder" "${meshes[0]}" &&
+      pages+=("$logs/profile-$builder.csv")
+  done
+  step profile-clusters 60 "${ncu[@]}" --launch-count 16 --log-file "$logs/profile-clusters.csv" \
+    "$bin/cuda_bench" --runs 1 "${meshes[0]}" && pages+=("$logs/profile-clusters.csv")
+  if ((${#pages[@]} > 0)); then
+    step profile-page 20 env PYTHONPATH=python "$python" -B bench/device_profile.py \
+      "$results-profile.md" "${pages[@]}"
   fi
 }
 
