@@ -69,6 +69,25 @@ function normals({ rows, stride, at, count }: Column, bits: number): Float32Arra
   return values;
 }
 
+/** Cosines and sines of the angles of as many bits, by turns; made when first asked for. */
+const anglesOfBits: (Float64Array | undefined)[] = [];
+const MOST_TABLE_BITS = 12;
+
+function angles(bits: number): Float64Array | undefined {
+  if (bits > MOST_TABLE_BITS) return undefined;
+  let table = anglesOfBits[bits];
+  if (table === undefined) {
+    table = new Float64Array(2 << bits);
+    for (let i = 0; i < 1 << bits; ++i) {
+      const angle = (2 * Math.PI * i) / 2 ** bits;
+      table[2 * i] = Math.cos(angle);
+      table[2 * i + 1] = Math.sin(angle);
+    }
+    anglesOfBits[bits] = table;
+  }
+  return table;
+}
+
 /**
  * Each tangent is an angle in the plane of its normal. The plane's basis follows Duff et al.,
  * "Building an orthonormal basis, revisited" (2017).
@@ -81,17 +100,22 @@ function tangents(
 ): Float32Array {
   const { rows, stride, at, count } = column;
   const m = 2 ** (normalBits - 1) - 1;
+  const table = angles(bits);
   const values = new Float32Array(4 * count);
   for (let v = 0; v < count; ++v) {
     const row = v * stride;
     const isDown = decodeOctahedral(rows[row + normalAt], rows[row + normalAt + 1], m, normal);
-    const [x, y, z] = normal;
+    const x = normal[0];
+    const y = normal[1];
+    const z = normal[2];
     const g = isDown ? -1 : 1;
     const p = -1 / (g + z);
     const q = x * y * p;
-    const angle = (2 * Math.PI * rows[row + at]) / 2 ** bits;
-    const cos = Math.cos(angle);
-    const sin = Math.sin(angle);
+    const i0 = rows[row + at];
+    const isListed = table !== undefined && i0 >>> bits === 0;
+    const angle = (2 * Math.PI * i0) / 2 ** bits;
+    const cos = isListed ? table[2 * i0] : Math.cos(angle);
+    const sin = isListed ? table[2 * i0 + 1] : Math.sin(angle);
     values[4 * v] = (1 + g * x * x * p) * cos + q * sin;
     values[4 * v + 1] = g * q * cos + (g + y * y * p) * sin;
     values[4 * v + 2] = -g * x * cos - y * sin;
@@ -100,16 +124,33 @@ function tangents(
   return values;
 }
 
+/** Linear values of the sRGB ones of as many bits; made when first asked for. */
+const linearOfBits: (Float64Array | undefined)[] = [];
+
+function linear(value: number): number {
+  return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
+}
+function linears(bits: number): Float64Array | undefined {
+  if (bits > MOST_TABLE_BITS) return undefined;
+  linearOfBits[bits] ??= Float64Array.from({ length: 1 << bits }, (_, i) =>
+    linear(i / (2 ** bits - 1)),
+  );
+  return linearOfBits[bits];
+}
+
 /** Linear colours from sRGB; alpha stays as it is. */
 function colors({ rows, stride, at, count }: Column, bits: number): Float32Array {
   const max = 2 ** bits - 1;
+  const table = linears(bits);
   const values = new Float32Array(4 * count);
-  for (let v = 0; v < count; ++v)
-    for (let i = 0; i < 4; ++i) {
-      const s = rows[v * stride + at + i] / max;
-      const linear = s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4;
-      values[4 * v + i] = i < 3 ? linear : s;
+  for (let v = 0; v < count; ++v) {
+    const row = v * stride + at;
+    for (let i = 0; i < 3; ++i) {
+      const s = rows[row + i];
+      values[4 * v + i] = table !== undefined && s >>> bits === 0 ? table[s] : linear(s / max);
     }
+    values[4 * v + 3] = rows[row + 3] / max;
+  }
   return values;
 }
 

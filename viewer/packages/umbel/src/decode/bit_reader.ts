@@ -16,6 +16,13 @@ export class BitReader {
     return this.view.getUint32(this.at >>> 3, true) >>> (this.at & 7);
   }
 
+  /** Reads one bit. */
+  bit(): number {
+    const bit = (this.view.getUint8(this.at >>> 3) >>> (this.at & 7)) & 1;
+    this.at += 1;
+    return bit;
+  }
+
   /** Reads an unsigned number of 0 to 32 bits. */
   take(count: number): number {
     if (count > 25) {

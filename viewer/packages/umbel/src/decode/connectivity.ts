@@ -90,7 +90,7 @@ export class TriangleDecoder {
     this.incoming.fill(NO_EDGE);
     let first = 0;
     const end = at + 3 * triangles;
-    const table = version > 5 && bits.take(1) === 1 ? TABLES[1] : TABLES[0];
+    const table = version > 5 && bits.bit() === 1 ? TABLES[1] : TABLES[0];
     while (at < end) {
       while (first < this.edges && this.isActive[first] === 0) ++first;
       let a: number;
@@ -111,12 +111,12 @@ export class TriangleDecoder {
         right = (code >> 7) & 1;
         left = code >> 8;
       } else {
-        const areNew = version > 5 && bits.take(1) === 1;
+        const areNew = version > 5 && bits.bit() === 1;
         a = areNew ? this.addVertexAfterLast() : this.readVertex();
         b = areNew ? this.addVertexAfterLast() : this.readVertex();
         c = areNew ? this.addVertexAfterLast() : this.readVertex();
         if (areNew) this.closes[c] = 1;
-        this.finishEdge(a, b, c, bits.take(1));
+        this.finishEdge(a, b, c, bits.bit());
         right = -1;
         left = -1;
       }
@@ -124,8 +124,8 @@ export class TriangleDecoder {
       out[at + 1] = base + b;
       out[at + 2] = base + c;
       at += 3;
-      this.finishEdge(b, c, a, right < 0 ? bits.take(1) : right);
-      this.finishEdge(c, a, b, left < 0 ? bits.take(1) : left);
+      this.finishEdge(b, c, a, right < 0 ? bits.bit() : right);
+      this.finishEdge(c, a, b, left < 0 ? bits.bit() : left);
     }
     while (this.vertices < vertices) this.addVertexAfterLast();
   }
@@ -148,7 +148,7 @@ export class TriangleDecoder {
   }
 
   private readVertex(): number {
-    return this.bits.take(1) ? this.addVertexAfterLast() : this.bits.below(this.vertices);
+    return this.bits.bit() ? this.addVertexAfterLast() : this.bits.below(this.vertices);
   }
 
   private readApex(kind: number, edge: number): number {

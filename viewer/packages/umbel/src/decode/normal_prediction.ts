@@ -27,24 +27,30 @@ export class NormalPredictor {
     const { sums } = this;
     sums.fill(0, 0, 3 * count);
     for (let t = at; t < end; t += 3) {
-      const a = indices[t] * stride;
-      const b = indices[t + 1] * stride;
-      const c = indices[t + 2] * stride;
+      const a = Math.imul(indices[t], stride);
+      const b = Math.imul(indices[t + 1], stride);
+      const c = Math.imul(indices[t + 2], stride);
       const ex = ((rows[b] - rows[a]) | 0) >> shift;
       const ey = ((rows[b + 1] - rows[a + 1]) | 0) >> shift;
       const ez = ((rows[b + 2] - rows[a + 2]) | 0) >> shift;
       const fx = ((rows[c] - rows[a]) | 0) >> shift;
       const fy = ((rows[c + 1] - rows[a + 1]) | 0) >> shift;
       const fz = ((rows[c + 2] - rows[a + 2]) | 0) >> shift;
-      const x = Math.imul(ey, fz) - Math.imul(ez, fy);
-      const y = Math.imul(ez, fx) - Math.imul(ex, fz);
-      const z = Math.imul(ex, fy) - Math.imul(ey, fx);
-      for (let k = 0; k < 3; ++k) {
-        const sum = 3 * (indices[t + k] - first);
-        sums[sum] += x;
-        sums[sum + 1] += y;
-        sums[sum + 2] += z;
-      }
+      const x = (Math.imul(ey, fz) - Math.imul(ez, fy)) | 0;
+      const y = (Math.imul(ez, fx) - Math.imul(ex, fz)) | 0;
+      const z = (Math.imul(ex, fy) - Math.imul(ey, fx)) | 0;
+      const p = 3 * (indices[t] - first);
+      const q = 3 * (indices[t + 1] - first);
+      const r = 3 * (indices[t + 2] - first);
+      sums[p] += x;
+      sums[p + 1] += y;
+      sums[p + 2] += z;
+      sums[q] += x;
+      sums[q + 1] += y;
+      sums[q + 2] += z;
+      sums[r] += x;
+      sums[r + 1] += y;
+      sums[r + 2] += z;
     }
     for (let i = 0; i < count; ++i) {
       const x = sums[3 * i];
@@ -52,8 +58,9 @@ export class NormalPredictor {
       const z = sums[3 * i + 2];
       const length = Math.abs(x) + Math.abs(y) + Math.abs(z);
       const scale = length > 0 ? steps / length : 0;
-      this.u[i] = Math.floor(x * scale + (steps + 1.5)) - (steps + 1);
-      this.v[i] = Math.floor(y * scale + (steps + 1.5)) - (steps + 1);
+      // Rounded down: the numbers are positive.
+      this.u[i] = ((x * scale + (steps + 1.5)) | 0) - (steps + 1);
+      this.v[i] = ((y * scale + (steps + 1.5)) | 0) - (steps + 1);
       this.isLower[i] = z < 0 ? 1 : 0;
     }
   }

@@ -31,9 +31,9 @@ export class SharedVertices {
       next[x] = y;
       previous[y] = x;
     }
-    if (bits.take(1) === 1)
+    if (bits.bit() === 1)
       for (let v = first; v < first + count; ++v)
-        if (this.isBorder(v) && this.equal[v] === NONE && bits.take(1) !== 0) {
+        if (this.isBorder(v) && this.equal[v] === NONE && bits.bit() !== 0) {
           const u = border[bits.below(border.length)] as number;
           this.equal[v] = u;
           this.follow(bits, v, u, next, previous);
@@ -52,7 +52,7 @@ export class SharedVertices {
     const { equal } = this;
     let w = ahead[v];
     let other = back[u];
-    while (w !== NONE && other !== NONE && equal[w] === NONE && bits.take(1)) {
+    while (w !== NONE && other !== NONE && equal[w] === NONE && bits.bit()) {
       equal[w] = other;
       w = ahead[w];
       other = back[other];

@@ -23,12 +23,14 @@ export class Twins {
   /** Reads those of the last cluster that `shared` has read. */
   read(bits: BitReader): void {
     const { border, lastBorder, next, previous } = this.shared;
-    this.any = bits.take(1) === 1;
+    this.any = bits.bit() === 1;
     if (!this.any) return;
     for (let i = lastBorder; i < border.length; ++i) {
       const v = border[i] as number;
-      if (this.isKnown(v) || bits.take(1) === 0) continue;
-      const [from, count] = bits.take(1) === 1 ? [lastBorder, i - lastBorder] : [0, lastBorder];
+      if (this.isKnown(v) || bits.bit() === 0) continue;
+      const isOwn = bits.bit() === 1;
+      const from = isOwn ? lastBorder : 0;
+      const count = isOwn ? i - lastBorder : lastBorder;
       if (count === 0) corrupt("a vertex has the position of none");
       const u = border[from + bits.below(count)] as number;
       this.twin[v] = u;
@@ -46,7 +48,7 @@ export class Twins {
     let other = back[u];
     while (w !== NONE && other !== NONE && w !== other) {
       const later = Math.max(w, other);
-      if (this.isKnown(later) || bits.take(1) === 0) return;
+      if (this.isKnown(later) || bits.bit() === 0) return;
       this.twin[later] = Math.min(w, other);
       w = ahead[w];
       other = back[other];

@@ -16,8 +16,8 @@ export const ALL_ZERO = 31;
 const NOTHING = 0;
 const ALL = 1;
 const FLAGS = 2;
-/** The largest texture coordinate that positions may predict. */
-const MOST_MAPPED = 2 ** 26;
+/** The largest number that is small. */
+const MOST_SMALL = 2 ** 26;
 /** The codes of each component, of usual vertices and of those that start a region: a parameter and
  * a kind from KIND_AT on. */
 const KIND_AT = 5;
@@ -112,21 +112,29 @@ function fillLowest(at: number, end: number, ranges: ComponentRanges, cluster: C
   }
 }
 
+/** Whether sums of a few values fit into 32 bits, and texture coordinates can be predicted by
+ * positions. */
+function areSmall(ranges: ComponentRanges, at: number, end: number): boolean {
+  for (let i = at; i < end; ++i) {
+    const lowest = ranges.lowest[i];
+    const width = ranges.bits[i];
+    if (width > 27 || lowest < -MOST_SMALL || lowest + (1 << width) > MOST_SMALL) return false;
+  }
+  return true;
+}
+
 /** Whether positions may predict an attribute: texture coordinates on a grid, none of them large. */
 function mayBeMapped(attribute: Attribute, at: number, ranges: ComponentRanges): boolean {
   if (attribute.kind !== TEXTURE_COORDINATE || attribute.coding !== 1) return false;
   if (attribute.components !== 2 || attribute.isSmooth) return false;
-  return [at, at + 1].every(
-    (i) =>
-      ranges.lowest[i] >= -MOST_MAPPED && ranges.lowest[i] + 2 ** ranges.bits[i] <= MOST_MAPPED,
-  );
+  return areSmall(ranges, at, at + 2);
 }
 
 function readTwinRule(bits: BitReader, at: number, anyTwin: boolean): number {
   if (!anyTwin) return NOTHING;
   if (at === 0) return ALL;
-  if (bits.take(1) === 0) return NOTHING;
-  return bits.take(1) === 1 ? ALL : FLAGS;
+  if (bits.bit() === 0) return NOTHING;
+  return bits.bit() === 1 ? ALL : FLAGS;
 }
 
 function decodeAttribute(
@@ -137,7 +145,6 @@ function decodeAttribute(
   cluster: ClusterRows,
   damping: number,
 ): void {
-  const { rows, stride, first, count, predictors, twin } = cluster;
   const { isSmooth } = attribute;
   const end = at + attribute.components;
   if (ranges.bits.subarray(at, end).every((width) => width === 0)) {
@@ -146,45 +153,134 @@ function decodeAttribute(
   }
   const rule = readTwinRule(bits, at, cluster.anyTwin);
   const isOctahedral = attribute.name === "normals" && attribute.coding === 2;
-  const isGeometric = isOctahedral && bits.take(1) === 1;
+  const isGeometric = isOctahedral && bits.bit() === 1;
   const steps = 2 ** (attribute.bits - 1) - 1;
   if (isGeometric) {
-    const { indices, at: from, end: to } = cluster;
+    const { rows, stride, first, count, indices, at: from, end: to } = cluster;
     normals.predict(rows, stride, indices, from, to, first, count, bits.take(4), steps);
   }
-  const isMapped = cluster.version > 5 && mayBeMapped(attribute, at, ranges) && bits.take(1) === 1;
-  const isMirrored = isMapped && bits.take(1) === 1;
+  const isMapped = cluster.version > 5 && mayBeMapped(attribute, at, ranges) && bits.bit() === 1;
+  const isMirrored = isMapped && bits.bit() === 1;
   if (isMapped) uvs.map(cluster);
-  const hasStarts = !isGeometric && bits.take(1) === 1;
-  const hasKinds = cluster.version > 4 && bits.take(1) === 1;
+  const hasStarts = !isGeometric && bits.bit() === 1;
+  const hasKinds = cluster.version > 4 && bits.bit() === 1;
   for (let i = at; i < end; ++i) {
     const isCoded = isGeometric || ranges.bits[i] > 0;
     usual[i] = isCoded ? readCode(bits, hasKinds) : ALL_ZERO;
     starts[i] = isCoded && hasStarts ? readCode(bits, hasKinds) : usual[i];
   }
+  if (isGeometric) decodeGeometric(bits, cluster, at, rule, steps);
+  else if (isMapped) decodeMapped(bits, cluster, ranges, at, rule, isMirrored);
+  else decodePredicted(bits, cluster, ranges, at, end, rule, isSmooth, damping);
+}
+
+/** The vertex that has a vertex's values, or -1, by its twin and what the twin tells. */
+function sameAs(bits: BitReader, rule: number, twin: number): number {
+  return twin >= 0 && (rule === ALL || (rule === FLAGS && bits.bit() === 1)) ? twin : -1;
+}
+
+function copyValues(rows: Int32Array, to: number, from: number, components: number): void {
+  for (let i = 0; i < components; ++i) rows[to + i] = rows[from + i];
+}
+
+/** The values of the cluster's first vertex, which nothing predicts. */
+function readFirst(
+  bits: BitReader,
+  ranges: ComponentRanges,
+  rows: Int32Array,
+  row: number,
+  at: number,
+  end: number,
+): void {
+  for (let i = at; i < end; ++i) rows[row + i] = ranges.lowest[i] + bits.take(ranges.bits[i]);
+}
+
+function decodeGeometric(
+  bits: BitReader,
+  { rows, stride, first, twin }: ClusterRows,
+  at: number,
+  rule: number,
+  steps: number,
+): void {
+  const { u, v, isLower } = normals;
+  const code = usual[at];
+  const second = usual[at + 1];
+  for (let n = 0; n < owned; ++n) {
+    const vertex = own[n];
+    const row = (first + vertex) * stride + at;
+    const same = sameAs(bits, rule, twin[first + vertex]);
+    if (same >= 0) {
+      copyValues(rows, row, same * stride + at, 2);
+      continue;
+    }
+    const x = (u[vertex] + residual(bits, code)) | 0;
+    const y = (v[vertex] + residual(bits, second)) | 0;
+    rows[row] = isLower[vertex] ? folded(x, y, steps) : x;
+    rows[row + 1] = isLower[vertex] ? folded(y, x, steps) : y;
+  }
+}
+
+function decodeMapped(
+  bits: BitReader,
+  cluster: ClusterRows,
+  ranges: ComponentRanges,
+  at: number,
+  rule: number,
+  isMirrored: boolean,
+): void {
+  const { rows, stride, first, twin, predictors } = cluster;
   for (let n = 0; n < owned; ++n) {
     const v = own[n];
     const row = (first + v) * stride;
-    const same = rule === NOTHING ? -1 : twin[first + v];
-    if (same >= 0 && (rule === ALL || bits.take(1) === 1)) {
-      for (let i = at; i < end; ++i) rows[row + i] = rows[same * stride + i];
-    } else if (isGeometric) {
-      const x = (normals.u[v] + residual(bits, usual[at])) | 0;
-      const y = (normals.v[v] + residual(bits, usual[at + 1])) | 0;
-      rows[row + at] = normals.isLower[v] ? folded(x, y, steps) : x;
-      rows[row + at + 1] = normals.isLower[v] ? folded(y, x, steps) : y;
-    } else if (v === 0) {
-      for (let i = at; i < end; ++i) rows[row + i] = ranges.lowest[i] + bits.take(ranges.bits[i]);
-    } else if (isMapped) {
+    const same = sameAs(bits, rule, twin[first + v]);
+    if (same >= 0) copyValues(rows, row + at, same * stride + at, 2);
+    else if (v === 0) readFirst(bits, ranges, rows, row, at, at + 2);
+    else {
       const codes = predictors[3 * v] === predictors[3 * v + 1] ? starts : usual;
       uvs.predict(cluster, v, at, isMirrored);
       rows[row + at] = uvs.u + residual(bits, codes[at]);
       rows[row + at + 1] = uvs.v + residual(bits, codes[at + 1]);
+    }
+  }
+}
+
+function decodePredicted(
+  bits: BitReader,
+  { rows, stride, first, twin, predictors }: ClusterRows,
+  ranges: ComponentRanges,
+  at: number,
+  end: number,
+  rule: number,
+  isSmooth: boolean,
+  damping: number,
+): void {
+  const isSmall = areSmall(ranges, at, end);
+  for (let n = 0; n < owned; ++n) {
+    const v = own[n];
+    const row = (first + v) * stride;
+    const same = sameAs(bits, rule, twin[first + v]);
+    if (same >= 0) {
+      copyValues(rows, row + at, same * stride + at, end - at);
+      continue;
+    }
+    if (v === 0) {
+      readFirst(bits, ranges, rows, row, at, end);
+      continue;
+    }
+    const a = (first + predictors[3 * v]) * stride;
+    const b = (first + predictors[3 * v + 1]) * stride;
+    const across = (first + predictors[3 * v + 2]) * stride;
+    const codes = a === b ? starts : usual;
+    if (isSmall) {
+      for (let i = at; i < end; ++i) {
+        const sum = (rows[a + i] + rows[b + i]) | 0;
+        const opposite = rows[across + i];
+        const predicted = isSmooth
+          ? sum >> 1
+          : (sum - opposite - (Math.imul(damping, (sum - 2 * opposite) | 0) >> 4)) | 0;
+        rows[row + i] = (predicted + residual(bits, codes[i])) | 0;
+      }
     } else {
-      const a = (first + predictors[3 * v]) * stride;
-      const b = (first + predictors[3 * v + 1]) * stride;
-      const across = (first + predictors[3 * v + 2]) * stride;
-      const codes = a === b ? starts : usual;
       for (let i = at; i < end; ++i)
         rows[row + i] =
           predict(isSmooth, damping, rows[a + i], rows[b + i], rows[across + i]) +
