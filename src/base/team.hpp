@@ -1,10 +1,9 @@
 // Teams: lanes that work on one thing together and share a little fast memory. On the processor a
-// team is one thread; on a device it is a warp, a block, or (for layers) an eighth of a
-// warp's lanes. An algorithm is written once, for a
-// team of any size:
+// team is one thread; on a device it is a block, a warp, or (where it is found out on the device
+// how much there is to do) 8 lanes of a warp. An algorithm is written once, for a team of any size:
 //
 //   struct Body {
-//     static constexpr uint32_t kLanes = 32;  // of a device's team: 32, or 64 to 1024; of layers 8
+//     static constexpr uint32_t kLanes = 32;  // of a device's team: 8, 32, or 64 to 1024
 //     struct Shared { ... };                  // memory of the team, without a value at first
 //     template <typename Team>
 //     UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const;

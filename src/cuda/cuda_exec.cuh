@@ -142,13 +142,18 @@ __global__ void __launch_bounds__(kTraversalThreads)
   }
 }
 
+template <uint32_t kLanes>
+using TeamOf = std::conditional_t<kLanes == OctetTeam::kSize, OctetTeam,
+                                  std::conditional_t<kLanes == kWarp, WarpTeam, BlockTeam>>;
 template <typename Body>
-inline constexpr uint32_t kTeamsPerBlock = Body::kLanes == kWarp ? 4 : 1;
+inline constexpr uint32_t kTeamsPerBlock = Body::kLanes == OctetTeam::kSize ? 16
+                                           : Body::kLanes == kWarp          ? 4
+                                                                            : 1;
 
 template <typename Body>
 __global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
     run_teams(size_t n, Body body) {
-  using Team = std::conditional_t<Body::kLanes == kWarp, WarpTeam, BlockTeam>;
+  using Team = TeamOf<Body::kLanes>;
   using Shared = typename Body::Shared;
   constexpr uint32_t kTeams = kTeamsPerBlock<Body>;
   UMBEL_SHARED(unsigned char, shared, kTeams * sizeof(Shared));
@@ -160,7 +165,7 @@ __global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
 template <typename Body>
 __global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
     run_counted_teams(const uint32_t* count, uint32_t most, Body body) {
-  using Team = std::conditional_t<Body::kLanes == kWarp, WarpTeam, BlockTeam>;
+  using Team = TeamOf<Body::kLanes>;
   using Shared = typename Body::Shared;
   constexpr uint32_t kTeams = kTeamsPerBlock<Body>;
   UMBEL_SHARED(unsigned char, shared, kTeams * sizeof(Shared));
@@ -274,6 +279,7 @@ class CudaExec {
 
   template <typename Body>
   void for_each_team(size_t n, const Body& body) {
+    static_assert(Body::kLanes >= kWarp);  // a block of one team has whole warps
     if (n == 0 || arena_.counts()) return;
     const uint32_t teams = n * Body::kLanes <= detail::kFew / 4 ? 1 : detail::kTeamsPerBlock<Body>;
     launch("starting a kernel of teams", detail::run_teams<Body>, blocks(n, teams),

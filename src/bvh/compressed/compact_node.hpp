@@ -93,23 +93,37 @@ UMBEL_HOST_DEVICE inline uint32_t compact_leaf(const CompactNode& node, uint32_t
   return node.first_triangle + before;
 }
 
-/// Writes the grid and the boxes of all slots, and returns what holds them all. A box may be empty.
-UMBEL_HOST_DEVICE inline Aabb set_compact_boxes(CompactNode& node, const Aabb* boxes) {
-  Aabb all;
-  for (uint32_t slot = 0; slot < 8; ++slot) extend(all, boxes[slot]);
-  const bool nothing = is_empty(all);
-  node.origin = nothing ? Vec3{0, 0, 0} : all.min;
-  for (uint32_t axis = 0; axis < 3; ++axis) {
-    const auto along = [&](const Vec3& v) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; };
-    const CompactAxis grid(nothing ? 0 : along(all.min), nothing ? 0 : along(all.max));
-    node.exponent[axis] = grid.exponent();
-    for (uint32_t slot = 0; slot < 8; ++slot) {
-      const bool is_there = !is_empty(boxes[slot]);
-      node.low[axis][slot] = is_there ? grid.below(along(boxes[slot].min)) : uint8_t{0};
-      node.high[axis][slot] = is_there ? grid.above(along(boxes[slot].max)) : uint8_t{0};
+/// The grid of a node around a box, which may be empty.
+class CompactGrid {
+ public:
+  UMBEL_HOST_DEVICE explicit CompactGrid(const Aabb& all)
+      : origin_(is_empty(all) ? Vec3{0, 0, 0} : all.min),
+        axes_{axis(all, origin_.x, all.max.x), axis(all, origin_.y, all.max.y),
+              axis(all, origin_.z, all.max.z)} {}
+
+  UMBEL_HOST_DEVICE void write(CompactNode& node) const {
+    node.origin = origin_;
+    for (uint32_t k = 0; k < 3; ++k) node.exponent[k] = axes_[k].exponent();
+  }
+  /// The box of a slot, which may be empty.
+  UMBEL_HOST_DEVICE void write(CompactNode& node, uint32_t slot, const Aabb& box) const {
+    const bool is_there = !is_empty(box);
+    const float lows[3] = {box.min.x, box.min.y, box.min.z},
+                highs[3] = {box.max.x, box.max.y, box.max.z};
+    UMBEL_UNROLL
+    for (uint32_t k = 0; k < 3; ++k) {
+      node.low[k][slot] = is_there ? axes_[k].below(lows[k]) : uint8_t{0};
+      node.high[k][slot] = is_there ? axes_[k].above(highs[k]) : uint8_t{0};
     }
   }
-  return all;
-}
+
+ private:
+  UMBEL_HOST_DEVICE static CompactAxis axis(const Aabb& all, float low, float high) {
+    return {low, is_empty(all) ? 0 : high};
+  }
+
+  Vec3 origin_;
+  CompactAxis axes_[3];
+};
 
 }  // namespace umbel::bvh
