@@ -15,9 +15,6 @@
 
 namespace umbel::bvh {
 
-/// Half the area of a union.
-inline float united_area(const Aabb& a, const Aabb& b) { return area_of(united(a, b)); }
-
 /// Siblings are stored next to each other, in pairs.
 class GrowingTree {
  public:

@@ -20,33 +20,26 @@ struct PlocCluster {
   uint32_t count;  ///< primitives
 };
 
-/// What is compared: the area of the common box; of pairs as near, first those that differ least in
+/// The cluster that is nearest to the i-th, of those that are no farther from it in the order: the
+/// one with the least area of the common box; of pairs as near, first those that differ least in
 /// the bits of their indices. That orders pairs totally, so that some two always find each other;
 /// and among clusters that are all alike every one finds a partner.
-struct PlocDistance {
-  float area = std::numeric_limits<float>::infinity();
-  uint32_t bits = 0xffffffffu;
-
-  UMBEL_HOST_DEVICE bool operator<(const PlocDistance& o) const {
-    return area < o.area || (area == o.area && bits < o.bits);
-  }
-};
-
-/// The cluster that is nearest to the i-th, of those that are no farther from it in the order.
 template <typename Cluster>
 UMBEL_HOST_DEVICE uint32_t nearest_within(const Cluster* clusters, uint32_t count, uint32_t i,
                                           uint32_t radius) {
   const uint32_t begin = i > radius ? i - radius : 0;
   const uint32_t end = count - i > radius + 1 ? i + radius + 1 : count;
   const Aabb box = clusters[i].box;
-  PlocDistance least;
-  uint32_t nearest = i;
+  float least = std::numeric_limits<float>::infinity();
+  uint32_t least_bits = 0xffffffffu, nearest = i;
   for (uint32_t j = begin; j < end; ++j) {
-    if (j == i) continue;
-    const PlocDistance distance{area_of(united(box, clusters[j].box)), i ^ j};
-    if (!(distance < least)) continue;
-    least = distance;
-    nearest = j;
+    const float area = united_area(box, clusters[j].box);
+    const uint32_t bits = i ^ j;
+    // Without branches, which lanes of a warp would take by turns.
+    const bool is_nearer = (bits != 0) & ((area < least) | ((area == least) & (bits < least_bits)));
+    least = is_nearer ? area : least;
+    least_bits = is_nearer ? bits : least_bits;
+    nearest = is_nearer ? j : nearest;
   }
   return nearest;
 }
