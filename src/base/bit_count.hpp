@@ -17,7 +17,7 @@ template <std::unsigned_integral T>
 UMBEL_HOST_DEVICE inline uint32_t count_bits(T bits) {
 #if defined(__CUDA_ARCH__)
   if constexpr (sizeof(T) == 8) return uint32_t(__popcll(static_cast<unsigned long long>(bits)));
-  return uint32_t(__popc(unsigned{uint32_t(bits)}));
+  return uint32_t(__popc(uint32_t(bits)));
 #else
   return uint32_t(std::popcount(bits));
 #endif
