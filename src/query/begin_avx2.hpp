@@ -17,3 +17,5 @@
 #pragma GCC push_options
 #pragma GCC target("avx2,fma,bmi,bmi2,lzcnt,popcnt")
 #endif
+/// GCC reads __FMA__ before the pragma.
+#define UMBEL_FMA

@@ -6,3 +6,4 @@
 #else
 #pragma GCC pop_options
 #endif
+#undef UMBEL_FMA

@@ -8,11 +8,13 @@ namespace umbel {
 namespace {
 
 struct Avx2 {
-  UMBEL_SIMD static uint32_t mask_le(__m256 a, __m256 b) {
-    return static_cast<uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(a, b, _CMP_LE_OQ)));
-  }
-  UMBEL_SIMD static uint32_t mask_eq(__m256 a, __m256 b) {
-    return static_cast<uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(a, b, _CMP_EQ_OQ)));
+  using Lanes = __m256;
+  UMBEL_SIMD static Lanes le(__m256 a, __m256 b) { return _mm256_cmp_ps(a, b, _CMP_LE_OQ); }
+  UMBEL_SIMD static Lanes eq(__m256 a, __m256 b) { return _mm256_cmp_ps(a, b, _CMP_EQ_OQ); }
+  UMBEL_SIMD static Lanes both(Lanes a, Lanes b) { return _mm256_and_ps(a, b); }
+  UMBEL_SIMD static Lanes either(Lanes a, Lanes b) { return _mm256_or_ps(a, b); }
+  UMBEL_SIMD static uint32_t bits(Lanes lanes) {
+    return static_cast<uint32_t>(_mm256_movemask_ps(lanes));
   }
   UMBEL_SIMD static __m256 load(const uint32_t* words, uint32_t /*n*/) {
     return _mm256_loadu_ps(reinterpret_cast<const float*>(words));

@@ -109,7 +109,7 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   const Float4 seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
   const uint32_t kz = kLargestAxis[sign_bits(Float4(firsts > seconds))];
 
-  f.t_min = ray.t_min;
+  f.t_min = ray.t_min + 0.0f;  // no -0, which is no integer 0
   f.t_max = ray.t_max;
   f.t_unit = 1.0f;
   if (largest[0] < 0x1p-20f || largest[0] > 0x1p20f) [[unlikely]] {
@@ -130,7 +130,7 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   const Float4 component = Float4(Int4(larger(a, largest * 0x1p-40f)) | signs);
   const Float4 inv = 1.0f / component, e = Float4(Int4(inv) & ~kSign) * error_bound;
   // Rounded once.
-#if defined(__FMA__)
+#if defined(UMBEL_FMA)
   const Float4 near_b = _mm_fnmsub_ps(o, inv, e), far_b = _mm_fnmadd_ps(o, inv, e);
 #else
   const Double4 b = __builtin_convertvector(o, Double4) * __builtin_convertvector(inv, Double4);

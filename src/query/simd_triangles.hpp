@@ -1,12 +1,15 @@
 // The triangle test of a leaf in 256-bit vectors, for the translation units that turn on an
 // instruction set before they include this. What the sets do differently comes from `Isa`:
-//   mask_le(a, b), mask_eq(a, b)   which lanes have a <= b, a == b
+//   le(a, b), eq(a, b)             which lanes have a <= b, a == b: Lanes
+//   both, either, bits             of Lanes
 //   load(words, n), load_ids       the first n of eight; the other lanes may hold anything
 //   gather(base, at, n)            the first n of eight
 // It does what test_triangle does, in the same order and without fused operations.
 #pragma once
 
 #include <immintrin.h>
+
+#include <array>
 
 #include "query/ray_queries.hpp"
 
@@ -37,19 +40,26 @@ class TriangleTester {
     if (!cull_back) lanes |= triangles & signs(_mm256_and_ps(e.u, _mm256_and_ps(e.v, e.w)));
     const __m256 zero = _mm256_setzero_ps();
     const uint32_t zeros =
-        triangles & (Isa::mask_eq(e.u, zero) | Isa::mask_eq(e.v, zero) | Isa::mask_eq(e.w, zero));
-    if (zeros != 0) [[unlikely]]
-      lanes = settle_zeros(a, b, c, zeros, lanes | zeros, cull_back, e);
+        triangles & Isa::bits(Isa::either(Isa::either(Isa::eq(e.u, zero), Isa::eq(e.v, zero)),
+                                          Isa::eq(e.w, zero)));
+    if (zeros != 0) [[unlikely]] {
+      // Copies, so that only here they go through memory.
+      const std::array corners{a, b, c};
+      Edges exact = e;
+      lanes = settle_zeros(corners, zeros, lanes | zeros, cull_back, exact);
+      e = exact;
+    }
     if (lanes == 0) return 0;
     const __m256 determinant = _mm256_add_ps(_mm256_add_ps(e.u, e.v), e.w);
     const __m256 depth = _mm256_add_ps(
         _mm256_add_ps(_mm256_mul_ps(e.u, a.z), _mm256_mul_ps(e.v, b.z)), _mm256_mul_ps(e.w, c.z));
     __m256 t = _mm256_mul_ps(_mm256_div_ps(depth, determinant), all(f_.sz * f_.unscale));
     const __m256 last = all(t_max);
-    lanes &=
-        Isa::mask_le(all(f_.t_min), t) & Isa::mask_le(t, last) & ~Isa::mask_eq(determinant, zero);
+    // Where the determinant is 0, so are the edge functions, and t is not a number.
+    lanes &= Isa::bits(Isa::both(Isa::le(all(f_.t_min), t), Isa::le(t, last)));
     if (lanes == 0) return 0;
-    lanes &= settle(from_a, from_b, from_c, t) & Isa::mask_le(t, last);
+    const typename Isa::Lanes meets_box = settle(from_a, from_b, from_c, t);
+    lanes &= Isa::bits(Isa::both(meets_box, Isa::le(t, last)));
     if (lanes == 0) return 0;
     _mm256_store_ps(hits.t, t);
     _mm256_store_ps(hits.v, e.v);
@@ -105,13 +115,14 @@ class TriangleTester {
 
   /// As umbel::settle: corners are from the ray's origin, and as
   /// rounding keeps their order, the least of them is the least corner's.
-  UMBEL_SIMD uint32_t settle(const Corner& a, const Corner& b, const Corner& c, __m256& t) const {
+  UMBEL_SIMD typename Isa::Lanes settle(const Corner& a, const Corner& b, const Corner& c,
+                                        __m256& t) const {
     const Span x = span(a.x, b.x, c.x, f_.kx), y = span(a.y, b.y, c.y, f_.ky);
     const Span z = span(a.z, b.z, c.z, f_.kz);
     const __m256 enter = _mm256_max_ps(_mm256_max_ps(x.enter, y.enter), z.enter);
     const __m256 leave = _mm256_min_ps(_mm256_min_ps(x.leave, y.leave), z.leave);
     t = _mm256_max_ps(enter, t);
-    return Isa::mask_le(enter, leave) & Isa::mask_le(all(f_.t_min), leave);
+    return Isa::both(Isa::le(enter, leave), Isa::le(all(f_.t_min), leave));
   }
 
   /// Where the ray is between a triangle's corners along one axis.
@@ -130,10 +141,11 @@ class TriangleTester {
   UMBEL_SIMD static __m256 all(float x) { return _mm256_set1_ps(x); }
 
   /// Computes the edge functions of the lanes `zeros` again, and returns what is left of `lanes`.
-  [[gnu::noinline]] static uint32_t settle_zeros(const Corner& a, const Corner& b, const Corner& c,
+  [[gnu::noinline]] static uint32_t settle_zeros(const std::array<Corner, 3>& corners,
                                                  uint32_t zeros, uint32_t lanes, bool cull_back,
                                                  Edges& e) {
     alignas(32) float coordinates[6][8], edges[3][8];
+    const auto& [a, b, c] = corners;
     const __m256 vectors[6] = {a.x, a.y, b.x, b.y, c.x, c.y};
     for (int i = 0; i < 6; ++i) _mm256_store_ps(coordinates[i], vectors[i]);
     _mm256_store_ps(edges[0], e.u);

@@ -11,12 +11,31 @@
 namespace umbel {
 namespace {
 
+// By mask: the numbers of its lanes, and those of all others behind them.
+struct LaneOrders {
+  alignas(64) uint8_t of[256][8];
+
+  constexpr LaneOrders() : of{} {
+    for (uint32_t mask = 0; mask < 256; ++mask) {
+      uint32_t at = 0;
+      for (uint32_t wanted : {1u, 0u})
+        for (uint32_t lane = 0; lane < 8; ++lane)
+          if ((mask >> lane & 1) == wanted) of[mask][at++] = static_cast<uint8_t>(lane);
+    }
+  }
+};
+constexpr LaneOrders kLaneOrders;
+
 struct WideAvx2 : Avx2 {
-  UMBEL_SIMD static void push(const NodeChildren& children, uint32_t entered, uint32_t nearest,
-                              StackEntry*& top) {
-    alignas(32) float distances[8];
-    _mm256_store_ps(distances, children.near);
-    push_sorted(children.links, entered ^ (1u << nearest), distances, top);
+  /// Otherwise the compiler spreads each number to a vector, stores that on the stack and reads it
+  /// from there.
+  UMBEL_SIMD static const RayFrame* in_memory(const RayFrame* frame) {
+    __asm__ volatile("" : "+r"(frame));
+    return frame;
+  }
+  UMBEL_SIMD static __m256i compress(__m256i keys, uint32_t lanes) {
+    const auto* const order = reinterpret_cast<const __m128i*>(kLaneOrders.of[lanes]);
+    return _mm256_permutevar8x32_epi32(keys, _mm256_cvtepu8_epi32(_mm_loadl_epi64(order)));
   }
 };
 

@@ -1,13 +1,17 @@
 // The ray kernels of wide trees in 256-bit vectors, for the translation units that turn on an
 // instruction set before they include this. What the sets do differently comes from `Isa`, as in
 // query/simd_triangles.hpp, and
-//   push(children, entered, nearest, top)  puts the children of a mask, two at least, on the stack,
-//                                          the furthest first, except the nearest
+//   compress(keys, lanes)  those of the lanes first, then the others, which are no smaller
+//   in_memory(frame)       the frame; its numbers are read from it each time where there are too
+//   few
+//                          registers to keep them
 // Box tests only cull, so how they round does not matter (see query/ray_frame.hpp).
 #pragma once
 
 #include <immintrin.h>
 
+#include <array>
+#include <bit>
 #include <type_traits>
 
 #include "bvh/wide/ray_traverse.hpp"
@@ -24,21 +28,20 @@ class BoxEntry {
     __m256 x, y, z;
   };
 
-  // No -0, which is no integer 0.
-  UMBEL_SIMD explicit BoxEntry(const RayFrame& f)
-      : t_min_(_mm256_set1_ps(f.t_min + 0.0f)), has_negative_(f.t_min < 0.0f) {}
+  UMBEL_SIMD explicit BoxEntry(const RayFrame& f) : f_(f) {}
 
   /// Returns all bits for the boxes that the ray does not meet in [t_min, cull], none for others.
   UMBEL_SIMD __m256i operator()(const Planes& n, const Planes& f, float cull, __m256& near) const {
-    if (has_negative_) [[unlikely]] {
-      near = _mm256_max_ps(_mm256_max_ps(n.x, n.y), _mm256_max_ps(n.z, t_min_));
+    const __m256 t_min = _mm256_set1_ps(f_.t_min);
+    if (std::bit_cast<int32_t>(f_.t_min) < 0) [[unlikely]] {
+      near = _mm256_max_ps(_mm256_max_ps(n.x, n.y), _mm256_max_ps(n.z, t_min));
       const __m256 far =
           _mm256_min_ps(_mm256_min_ps(f.x, f.y), _mm256_min_ps(f.z, _mm256_set1_ps(cull)));
       return bits(_mm256_cmp_ps(near, far, _CMP_NLE_UQ));
     }
     // Of negative ones the order is wrong, but those are before t_min anyway.
     const __m256i enter = _mm256_max_epi32(_mm256_max_epi32(bits(n.x), bits(n.y)),
-                                           _mm256_max_epi32(bits(n.z), bits(t_min_)));
+                                           _mm256_max_epi32(bits(n.z), bits(t_min)));
     const __m256i last =
         _mm256_max_epi32(bits(_mm256_set1_ps(cull)), _mm256_setzero_si256());  // may be -0
     const __m256i leave =
@@ -50,43 +53,56 @@ class BoxEntry {
  private:
   UMBEL_SIMD static __m256i bits(__m256 a) { return _mm256_castps_si256(a); }
 
-  __m256 t_min_;
-  bool has_negative_;
+  const RayFrame& f_;
 };
+
+/// Where a node has its planes, in bytes: of each axis those that a ray meets first, and last.
+struct PlaneOffsets {
+  size_t near[3], far[3];
+};
+/// By the signs of the ray's direction.
+inline constexpr std::array<PlaneOffsets, 8> kPlaneOffsets = [] {
+  std::array<PlaneOffsets, 8> offsets{};
+  for (size_t negative = 0; negative < 8; ++negative)
+    for (size_t axis = 0; axis < 3; ++axis) {
+      const size_t low = 64 * axis, high = low + 32;
+      const bool flip = (negative >> axis & 1) != 0;
+      offsets[negative].near[axis] = flip ? high : low;
+      offsets[negative].far[axis] = flip ? low : high;
+    }
+  return offsets;
+}();
 
 /// The box test of the eight children of a node.
 template <typename Isa>
 class BoxTester {
  public:
-  UMBEL_SIMD BoxTester(const RayFrame& f, const uint32_t* nodes) : entry_(f) {
-    for (int axis = 0; axis < 3; ++axis) {
-      inv_[axis] = _mm256_set1_ps(f.inv[axis]);
-      near_b_[axis] = _mm256_set1_ps(f.near_b[axis]);
-      far_b_[axis] = _mm256_set1_ps(f.far_b[axis]);
-      // The lowest planes come first, the highest 32 bytes behind them.
-      const uint32_t near = 64 * axis + ((f.negative << 5 >> axis) & 32);
-      near_[axis] = reinterpret_cast<const char*>(nodes) + near;
-      far_[axis] = reinterpret_cast<const char*>(nodes) + (near ^ 32);
-    }
-  }
+  UMBEL_SIMD BoxTester(const RayFrame& f, const uint32_t* nodes)
+      : f_(&f),
+        nodes_(reinterpret_cast<const char*>(nodes)),
+        planes_(&kPlaneOffsets[f.negative & 7]) {}
 
   UMBEL_SIMD __m256i operator()(size_t link, float cull, __m256& near) const {
-    return entry_(
-        {at(near_[0], link, 0, near_b_), at(near_[1], link, 1, near_b_),
-         at(near_[2], link, 2, near_b_)},
-        {at(far_[0], link, 0, far_b_), at(far_[1], link, 1, far_b_), at(far_[2], link, 2, far_b_)},
+    const RayFrame& f = *Isa::in_memory(f_);
+    const char* const node = nodes_ + 8 * link;
+    const auto& [first, last] = *planes_;
+    return BoxEntry<Isa>(f)(
+        {at(node + first[0], f.inv[0], f.near_b[0]), at(node + first[1], f.inv[1], f.near_b[1]),
+         at(node + first[2], f.inv[2], f.near_b[2])},
+        {at(node + last[0], f.inv[0], f.far_b[0]), at(node + last[1], f.inv[1], f.far_b[1]),
+         at(node + last[2], f.inv[2], f.far_b[2])},
         cull, near);
   }
 
  private:
-  UMBEL_SIMD __m256 at(const char* planes, size_t link, int axis, const __m256* b) const {
-    return _mm256_fmadd_ps(_mm256_load_ps(reinterpret_cast<const float*>(planes + 8 * link)),
-                           inv_[axis], b[axis]);
+  UMBEL_SIMD static __m256 at(const char* planes, const float& inv, const float& b) {
+    return _mm256_fmadd_ps(_mm256_load_ps(reinterpret_cast<const float*>(planes)),
+                           _mm256_broadcast_ss(&inv), _mm256_broadcast_ss(&b));
   }
 
-  BoxEntry<Isa> entry_;
-  __m256 inv_[3], near_b_[3], far_b_[3];
-  const char *near_[3], *far_[3];  ///< planes of the first node
+  const RayFrame* f_;
+  const char* nodes_;
+  const PlaneOffsets* planes_;
 };
 
 /// The same for the eight children of a node on a grid.
@@ -151,12 +167,14 @@ struct NodeChildren {
   const uint32_t* links;
   __m256 near;
 
-  UMBEL_SIMD __m256i keys() const { return _mm256_or_si256(distances(), numbers()); }
+  /// As unsigned numbers; those of children that are missed come last.
+  UMBEL_SIMD __m256i keys(__m256i missed) const {
+    return _mm256_or_si256(distances(), _mm256_or_si256(numbers(), missed));
+  }
 
-  /// This is what the next node waits for, so it takes as few steps as can be.
-  UMBEL_SIMD uint32_t nearest(__m256i missed) const {
-    const __m256i all = _mm256_or_si256(distances(), _mm256_or_si256(numbers(), missed));
-    __m128i least = _mm_min_epu32(_mm256_castsi256_si128(all), _mm256_extracti128_si256(all, 1));
+  /// By their keys. This is what the next node waits for, so it takes as few steps as can be.
+  UMBEL_SIMD static uint32_t nearest(__m256i keys) {
+    __m128i least = _mm_min_epu32(_mm256_castsi256_si128(keys), _mm256_extracti128_si256(keys, 1));
     least = _mm_min_epu32(least, _mm_shuffle_epi32(least, 0b01'00'11'10));
     least = _mm_min_epu32(least, _mm_shuffle_epi32(least, 0b10'11'00'01));
     return static_cast<uint32_t>(_mm_cvtsi128_si32(least)) & 7;
@@ -167,6 +185,68 @@ struct NodeChildren {
     return _mm256_and_si256(_mm256_castps_si256(near), _mm256_set1_epi32(0x7ffffff8));
   }
   UMBEL_SIMD static __m256i numbers() { return _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7); }
+};
+
+/// Sorts children by a network of four or eight.
+template <typename Isa>
+class ChildSorter {
+ public:
+  /// Puts the children of a mask, two at least, on the stack, the furthest first. The nearest comes
+  /// last, where it is not on the stack any more.
+  UMBEL_SIMD static void push(const NodeChildren& children, __m256i keys, uint32_t entered,
+                              StackEntry*& top) {
+    keys = Isa::compress(keys, entered);
+    const auto others = static_cast<uint32_t>(std::popcount(entered)) - 1;
+    const __m256i descending = _mm256_sub_epi32(_mm256_set1_epi32(static_cast<int>(others)),
+                                                _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+    StackEntry* const first = top;
+    top += others;
+    if (others < 4) {
+      const __m128i sorted = sort4(_mm256_castsi256_si128(keys));
+      store4(children,
+             _mm_castps_si128(
+                 _mm_permutevar_ps(_mm_castsi128_ps(sorted), _mm256_castsi256_si128(descending))),
+             first);
+      return;
+    }
+    const __m256i order = _mm256_permutevar8x32_epi32(sort8(keys), descending);
+    store4(children, _mm256_castsi256_si128(order), first);
+    store4(children, _mm256_extracti128_si256(order, 1), first + 4);
+  }
+
+ private:
+  /// By keys, of which only the child's number counts.
+  UMBEL_SIMD static void store4(const NodeChildren& children, __m128i keys, StackEntry* at) {
+    const __m256i links = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(children.links));
+    const __m256i twice = _mm256_permutevar8x32_epi32(_mm256_castsi128_si256(keys),
+                                                      _mm256_setr_epi32(0, 0, 1, 1, 2, 2, 3, 3));
+    const __m256i link = _mm256_permutevar8x32_epi32(links, twice);
+    const __m256i near = _mm256_castps_si256(_mm256_permutevar8x32_ps(children.near, twice));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(at), _mm256_blend_epi32(link, near, 0b10101010));
+  }
+  /// Keeps the larger of the two where the bit is set, else the smaller.
+  template <uint32_t larger>
+  UMBEL_SIMD static __m128i exchange(__m128i a, __m128i b) {
+    return _mm_blend_epi32(_mm_min_epu32(a, b), _mm_max_epu32(a, b), larger);
+  }
+  template <uint32_t larger>
+  UMBEL_SIMD static __m256i exchange(__m256i a, __m256i b) {
+    return _mm256_blend_epi32(_mm256_min_epu32(a, b), _mm256_max_epu32(a, b), larger);
+  }
+  UMBEL_SIMD static __m128i sort4(__m128i a) {
+    a = exchange<0b1010>(a, _mm_shuffle_epi32(a, 0b10'11'00'01));
+    a = exchange<0b1100>(a, _mm_shuffle_epi32(a, 0b01'00'11'10));
+    return exchange<0b0100>(a, _mm_shuffle_epi32(a, 0b11'01'10'00));
+  }
+  UMBEL_SIMD static __m256i sort8(__m256i a) {
+    const __m256i reversed = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
+    a = exchange<0b10101010>(a, _mm256_shuffle_epi32(a, 0b10'11'00'01));
+    a = exchange<0b11001100>(a, _mm256_shuffle_epi32(a, 0b00'01'10'11));
+    a = exchange<0b10101010>(a, _mm256_shuffle_epi32(a, 0b10'11'00'01));
+    a = exchange<0b11110000>(a, _mm256_permutevar8x32_epi32(a, reversed));
+    a = exchange<0b11001100>(a, _mm256_shuffle_epi32(a, 0b01'00'11'10));
+    return exchange<0b10101010>(a, _mm256_shuffle_epi32(a, 0b10'11'00'01));
+  }
 };
 
 /// Nodes of eight children.
@@ -191,9 +271,9 @@ class WideIntersector {
     const uint32_t* const links = links_ + 2 * node;
     if ((entered & (entered - 1)) == 0) return links[std::countr_zero(entered)];
     const NodeChildren children{links, near};
-    const uint32_t nearest = children.nearest(missed);
-    Isa::push(children, entered, nearest, top);
-    return links[nearest];
+    const __m256i keys = children.keys(missed);
+    ChildSorter<Isa>::push(children, keys, entered, top);
+    return links[NodeChildren::nearest(keys)];
   }
   UMBEL_SIMD uint32_t triangles(const BvhData& tree, uint32_t link, bool cull_back, float t_max,
                                 LeafHits& hits) const {
