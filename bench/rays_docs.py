@@ -1,5 +1,6 @@
-"""Measures rays, builds and refits, and puts the figures into bench/results/rays-cpu-amd.md or
-rays-cpu-intel.md, as the processor is. Takes some minutes, on a machine that does nothing else.
+"""Measures rays, builds and refits, and puts the figures into bench/results/rays-cpu-amd.md,
+rays-cpu-amd-avx2.md (a processor without AVX-512) or rays-cpu-intel.md, as the processor is. Takes
+some minutes, on a machine that does nothing else.
 With tinybvh too where CMake was told UMBEL_BENCH_TINYBVH=ON.
 
     python bench/rays_docs.py --embree LIBRARY [--runs N] [--size PIXELS] MESH...
@@ -27,6 +28,12 @@ def processor() -> str:
         f"{known.get('model name', 'unknown')} (family {known.get('cpu family')}, "
         f"model {known.get('model')})"
     )
+
+
+def kind_of_processor() -> str:
+    vendor = "intel" if "Intel" in processor() else "amd"
+    has_avx512 = " avx512vl " in Path("/proc/cpuinfo").read_text()
+    return vendor if has_avx512 else f"{vendor}-avx2"
 
 
 def output(*command: str | Path) -> str:
@@ -65,8 +72,7 @@ def main() -> None:
         "trees": f"```\n{trees}\n```",
         "meshes": each.strip(),
     }
-    vendor = "intel" if "Intel" in processor() else "amd"
-    fill(ROOT / "bench" / "results" / f"rays-cpu-{vendor}.md", texts)
+    fill(ROOT / "bench" / "results" / f"rays-cpu-{kind_of_processor()}.md", texts)
 
 
 if __name__ == "__main__":
