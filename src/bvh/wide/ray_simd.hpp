@@ -10,7 +10,6 @@
 
 #include <immintrin.h>
 
-#include <array>
 #include <bit>
 #include <type_traits>
 
@@ -56,53 +55,37 @@ class BoxEntry {
   const RayFrame& f_;
 };
 
-/// Where a node has its planes, in bytes: of each axis those that a ray meets first, and last.
-struct PlaneOffsets {
-  size_t near[3], far[3];
-};
-/// By the signs of the ray's direction.
-inline constexpr std::array<PlaneOffsets, 8> kPlaneOffsets = [] {
-  std::array<PlaneOffsets, 8> offsets{};
-  for (size_t negative = 0; negative < 8; ++negative)
-    for (size_t axis = 0; axis < 3; ++axis) {
-      const size_t low = 64 * axis, high = low + 32;
-      const bool flip = (negative >> axis & 1) != 0;
-      offsets[negative].near[axis] = flip ? high : low;
-      offsets[negative].far[axis] = flip ? low : high;
-    }
-  return offsets;
-}();
-
 /// The box test of the eight children of a node.
 template <typename Isa>
 class BoxTester {
  public:
-  UMBEL_SIMD BoxTester(const RayFrame& f, const uint32_t* nodes)
-      : f_(&f),
-        nodes_(reinterpret_cast<const char*>(nodes)),
-        planes_(&kPlaneOffsets[f.negative & 7]) {}
+  UMBEL_SIMD BoxTester(const RayFrame& f, const uint32_t* nodes) : f_(&f) {
+    for (int axis = 0; axis < 3; ++axis) {
+      // The lowest planes come first, the highest 32 bytes behind them.
+      const uint32_t near = 64 * axis + ((f.negative << 5 >> axis) & 32);
+      near_[axis] = reinterpret_cast<const char*>(nodes) + near;
+      far_[axis] = reinterpret_cast<const char*>(nodes) + (near ^ 32);
+    }
+  }
 
   UMBEL_SIMD __m256i operator()(size_t link, float cull, __m256& near) const {
     const RayFrame& f = *Isa::in_memory(f_);
-    const char* const node = nodes_ + 8 * link;
-    const auto& [first, last] = *planes_;
     return BoxEntry<Isa>(f)(
-        {at(node + first[0], f.inv[0], f.near_b[0]), at(node + first[1], f.inv[1], f.near_b[1]),
-         at(node + first[2], f.inv[2], f.near_b[2])},
-        {at(node + last[0], f.inv[0], f.far_b[0]), at(node + last[1], f.inv[1], f.far_b[1]),
-         at(node + last[2], f.inv[2], f.far_b[2])},
+        {at(near_[0], link, f.inv[0], f.near_b[0]), at(near_[1], link, f.inv[1], f.near_b[1]),
+         at(near_[2], link, f.inv[2], f.near_b[2])},
+        {at(far_[0], link, f.inv[0], f.far_b[0]), at(far_[1], link, f.inv[1], f.far_b[1]),
+         at(far_[2], link, f.inv[2], f.far_b[2])},
         cull, near);
   }
 
  private:
-  UMBEL_SIMD static __m256 at(const char* planes, const float& inv, const float& b) {
-    return _mm256_fmadd_ps(_mm256_load_ps(reinterpret_cast<const float*>(planes)),
+  UMBEL_SIMD static __m256 at(const char* planes, size_t link, const float& inv, const float& b) {
+    return _mm256_fmadd_ps(_mm256_load_ps(reinterpret_cast<const float*>(planes + 8 * link)),
                            _mm256_broadcast_ss(&inv), _mm256_broadcast_ss(&b));
   }
 
   const RayFrame* f_;
-  const char* nodes_;
-  const PlaneOffsets* planes_;
+  const char *near_[3], *far_[3];  ///< planes of the first node
 };
 
 /// The same for the eight children of a node on a grid.
