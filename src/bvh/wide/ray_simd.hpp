@@ -136,8 +136,8 @@ class GridBoxTester {
         _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(bytes))));
   }
 
-  BoxEntry<Isa> entry_;
   __m256 inv_[3], near_b_[3], far_b_[3];
+  BoxEntry<Isa> entry_;
   ptrdiff_t near_at_[3], far_at_[3];  ///< bytes from the first row on
   const uint32_t* nodes_;
 };
@@ -239,9 +239,9 @@ class WideIntersector {
   static constexpr uint32_t kWidth = 8;
 
   UMBEL_SIMD WideIntersector(const RayFrame& frame, const BvhData& tree)
-      : boxes_(frame, tree.nodes.data()),
-        triangles_(frame),
-        links_(tree.nodes.data() + (quantised ? grid::links_at(kWidth) : 6 * kWidth)) {}
+      : triangles_(frame),
+        links_(tree.nodes.data() + (quantised ? grid::links_at(kWidth) : 6 * kWidth)),
+        boxes_(frame, tree.nodes.data()) {}
 
   UMBEL_SIMD uint32_t visit(size_t node, float cull, StackEntry*& top) const {
     __m256 near;
@@ -264,9 +264,9 @@ class WideIntersector {
   }
 
  private:
-  std::conditional_t<quantised, GridBoxTester<Isa>, BoxTester<Isa>> boxes_;
   TriangleTester<Isa> triangles_;
   const uint32_t* links_;  ///< of the first node
+  std::conditional_t<quantised, GridBoxTester<Isa>, BoxTester<Isa>> boxes_;
 };
 
 /// Nodes of two or four children, whose boxes the compiler vectorises.
