@@ -30,10 +30,13 @@ def processor() -> str:
     )
 
 
-def kind_of_processor() -> str:
+def page_of_processor() -> Path:
     vendor = "intel" if "Intel" in processor() else "amd"
     has_avx512 = " avx512vl " in Path("/proc/cpuinfo").read_text()
-    return vendor if has_avx512 else f"{vendor}-avx2"
+    page = ROOT / "bench" / "results" / f"rays-cpu-{vendor}{'' if has_avx512 else '-avx2'}.md"
+    if not page.is_file():
+        sys.exit(f"there is no {page} to fill: copy another page for this kind of processor")
+    return page
 
 
 def output(*command: str | Path) -> str:
@@ -50,6 +53,7 @@ def main() -> None:
     parser.add_argument("--runs", default="5")
     parser.add_argument("--size", default="384")
     args = parser.parse_args()
+    page = page_of_processor()
     runs = ("--runs", args.runs)
     views = ("--size", args.size)
     compare = PROGRAMS / "ray_bench"
@@ -72,7 +76,7 @@ def main() -> None:
         "trees": f"```\n{trees}\n```",
         "meshes": each.strip(),
     }
-    fill(ROOT / "bench" / "results" / f"rays-cpu-{kind_of_processor()}.md", texts)
+    fill(page, texts)
 
 
 if __name__ == "__main__":

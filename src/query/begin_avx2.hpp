@@ -17,5 +17,5 @@
 #pragma GCC push_options
 #pragma GCC target("avx2,fma,bmi,bmi2,lzcnt,popcnt")
 #endif
-/// GCC reads __FMA__ before the pragma.
+// There are fused multiplications and additions. GCC decides on __FMA__ before it sees the pragma.
 #define UMBEL_FMA

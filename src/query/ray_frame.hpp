@@ -109,7 +109,7 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   const Float4 seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
   const uint32_t kz = kLargestAxis[sign_bits(Float4(firsts > seconds))];
 
-  f.t_min = ray.t_min + 0.0f;  // no -0, which is no integer 0
+  f.t_min = ray.t_min + 0.0f;  // -0 becomes 0, so that distances compare as integers
   f.t_max = ray.t_max;
   f.t_unit = 1.0f;
   if (largest[0] < 0x1p-20f || largest[0] > 0x1p20f) [[unlikely]] {

@@ -43,7 +43,7 @@ class TriangleTester {
         triangles & Isa::bits(Isa::either(Isa::either(Isa::eq(e.u, zero), Isa::eq(e.v, zero)),
                                           Isa::eq(e.w, zero)));
     if (zeros != 0) [[unlikely]] {
-      // Copies, so that only here they go through memory.
+      // Copies, so that the corners and edges go through memory here alone.
       const std::array corners{a, b, c};
       Edges exact = e;
       lanes = settle_zeros(corners, zeros, lanes | zeros, cull_back, exact);

@@ -11,7 +11,7 @@
 namespace umbel {
 namespace {
 
-// By mask: the numbers of its lanes, and those of all others behind them.
+// For each mask of eight lanes: the lanes in it, then all others.
 struct LaneOrders {
   alignas(64) uint8_t of[256][8];
 
@@ -27,8 +27,8 @@ struct LaneOrders {
 constexpr LaneOrders kLaneOrders;
 
 struct WideAvx2 : Avx2 {
-  /// Otherwise the compiler spreads each number to a vector, stores that on the stack and reads it
-  /// from there.
+  /// Otherwise the compiler fills a vector with each number, stores the vectors on the stack and
+  /// reads them from there.
   UMBEL_SIMD static const RayFrame* in_memory(const RayFrame* frame) {
     __asm__ volatile("" : "+r"(frame));
     return frame;

@@ -23,7 +23,7 @@
 #pragma GCC push_options
 #pragma GCC target("avx2,fma,bmi,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq,avx512bw")
 #endif
-/// GCC reads __FMA__ before the pragma.
+// There are fused multiplications and additions. GCC decides on __FMA__ before it sees the pragma.
 #define UMBEL_FMA
 // After the pragma, because its templates are to be compiled for these instructions.
 #include "bvh/wide/ray_simd.hpp"

@@ -1,10 +1,9 @@
 // The ray kernels of wide trees in 256-bit vectors, for the translation units that turn on an
 // instruction set before they include this. What the sets do differently comes from `Isa`, as in
 // query/simd_triangles.hpp, and
-//   compress(keys, lanes)  those of the lanes first, then the others, which are no smaller
-//   in_memory(frame)       the frame; its numbers are read from it each time where there are too
-//   few
-//                          registers to keep them
+//   compress(keys, lanes)  the keys of these lanes first, then others that are no smaller
+//   in_memory(frame)       the frame; where registers are few, its numbers are read from memory
+//                          each time
 // Box tests only cull, so how they round does not matter (see query/ray_frame.hpp).
 #pragma once
 
@@ -198,7 +197,7 @@ class ChildSorter {
   }
 
  private:
-  /// By keys, of which only the child's number counts.
+  /// Writes four entries in the order of their keys, whose last three bits are children's numbers.
   UMBEL_SIMD static void store4(const NodeChildren& children, __m128i keys, StackEntry* at) {
     const __m256i links = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(children.links));
     const __m256i twice = _mm256_permutevar8x32_epi32(_mm256_castsi128_si256(keys),

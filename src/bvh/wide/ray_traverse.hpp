@@ -42,9 +42,11 @@ class RayStack {
   StackEntry* base_ = small_;
 };
 
-/// Pushes the children of a mask, the furthest first.
-static inline void push_sorted(const uint32_t* links, uint32_t entered, const float* near,
-                               StackEntry*& top) {
+/// Pushes the children of a mask, the furthest first, but returns the nearest, or kNoChild for an
+/// empty mask.
+static inline uint32_t push_but_nearest(const uint32_t* links, uint32_t entered, const float* near,
+                                        StackEntry*& top) {
+  if (entered == 0) return kNoChild;
   StackEntry* const first = top;
   for (; entered != 0; entered &= entered - 1) {
     const auto child = static_cast<uint32_t>(std::countr_zero(entered));
@@ -52,12 +54,6 @@ static inline void push_sorted(const uint32_t* links, uint32_t entered, const fl
     for (; at != first && at[-1].near < near[child]; --at) *at = at[-1];
     *at = {links[child], near[child]};
   }
-}
-/// The same, but returns the nearest, or kNoChild for an empty mask.
-static inline uint32_t push_but_nearest(const uint32_t* links, uint32_t entered, const float* near,
-                                        StackEntry*& top) {
-  if (entered == 0) return kNoChild;
-  push_sorted(links, entered, near, top);
   return (--top)->link;
 }
 
