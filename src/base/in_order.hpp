@@ -3,11 +3,12 @@
 #pragma once
 
 #include <tbb/parallel_pipeline.h>
-#include <tbb/task_arena.h>
 
 #include <cstddef>
 #include <mutex>
 #include <vector>
+
+#include "base/parallel.hpp"
 
 namespace umbel {
 
@@ -16,7 +17,7 @@ namespace umbel {
 /// before, then finish(number, scratch) by any thread.
 template <typename Scratch, typename Make, typename Place, typename Finish>
 void in_order(size_t count, const Make& make, const Place& place, const Finish& finish) {
-  const auto threads = static_cast<size_t>(tbb::this_task_arena::max_concurrency());
+  const size_t threads = usable_threads();
   if (threads == 1 || count < 2) {
     Scratch scratch;
     for (size_t i = 0; i < count; ++i) {

@@ -1,7 +1,6 @@
 #include "io/obj.hpp"
 
 #include <tbb/parallel_pipeline.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <mutex>
@@ -85,7 +84,7 @@ Parsed parse(TextBlocks& texts, ObjSink* sink) {
     parsed.blocks.push_back(std::move(piece.block));
   };
   using tbb::filter_mode, tbb::make_filter;
-  const auto threads = static_cast<size_t>(tbb::this_task_arena::max_concurrency());
+  const size_t threads = usable_threads();
   tbb::parallel_pipeline(2 * threads,
                          make_filter<void, TextBlock>(filter_mode::serial_in_order, read) &
                              make_filter<TextBlock, Piece>(filter_mode::parallel, parse_one) &

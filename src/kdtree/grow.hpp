@@ -121,7 +121,7 @@ class Grower {
     branch.split = split;
     branch.below = std::make_unique<Branch>();
     branch.above = std::make_unique<Branch>();
-    tbb::parallel_invoke(
+    parallel_invoke(
         [&, &a = first] {
           grow(std::move(below), cell_below(cell, split), a, *branch.below, share_below);
         },

@@ -6,8 +6,6 @@
 // consecutive: a few runs a unit say the number of any group.
 #include "scale/finish.hpp"
 
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <limits>
 #include <map>
@@ -166,7 +164,7 @@ class Finisher {
     make_plan();
     chunk_at_.resize(mesh_.groups.size());
     if (options_.run) return encode_elsewhere();
-    const auto threads = static_cast<size_t>(tbb::this_task_arena::max_concurrency());
+    const size_t threads = usable_threads();
     std::vector<EncodedBlock> made(threads == 1 ? 1 : 2 * threads);
     for (size_t begin = 0; begin < blocks_.size(); begin += made.size()) {
       report(static_cast<double>(begin) / static_cast<double>(blocks_.size()));

@@ -53,7 +53,7 @@ class IntervalBuilder {
       return;
     }
     std::vector<IntervalNode> first, second;
-    tbb::parallel_invoke([&] { grow(begin, middle, below, depth + 1, first); },
+    parallel_invoke([&] { grow(begin, middle, below, depth + 1, first); },
                          [&] { grow(middle, end, above, depth + 1, second); });
     out.insert(out.end(), first.begin(), first.end());
     link_above();

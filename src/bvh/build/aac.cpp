@@ -8,6 +8,7 @@
 
 #include "base/exec.hpp"
 #include "base/morton.hpp"
+#include "base/parallel.hpp"
 #include "bvh/build/builders.hpp"
 #include "bvh/tree/merge_tree.hpp"
 #include "bvh/tree/nearest_area.hpp"
@@ -199,7 +200,7 @@ class Aac {
     }
     const uint32_t middle = split(begin, end);
     Forwarded right;
-    tbb::parallel_invoke([&] { forwarded = solve(begin, middle); },
+    parallel_invoke([&] { forwarded = solve(begin, middle); },
                          [&] { right = solve(middle, end); });
     const uint32_t left_size = forwarded.clusters.size();
     forwarded.clusters.append(right.clusters);

@@ -274,7 +274,7 @@ class Binned {
       bounds = bounds_in_parallel(records.now, count);
     }
     const uint32_t left_count = divide(records, count, bounds, grid, depth);
-    tbb::parallel_invoke(
+    parallel_invoke(
         [&] { top->left = split(records.after(0), begin, left_count, grid, depth + 1); },
         [&] {
           top->right = split(records.after(left_count), begin + left_count, count - left_count,

@@ -88,7 +88,7 @@ class SpatialBuilder {
     divide(stretch, left, right);
     branch.left = std::make_unique<Branch>();
     branch.right = std::make_unique<Branch>();
-    tbb::parallel_invoke([&] { grow(left, *branch.left); }, [&] { grow(right, *branch.right); });
+    parallel_invoke([&] { grow(left, *branch.left); }, [&] { grow(right, *branch.right); });
   }
 
   uint32_t flatten(const Branch& branch, std::vector<TopNode>& top, std::vector<TreePart>& parts,

@@ -47,7 +47,7 @@ class Sweep {
     right_areas_.resize(n);
     is_left_.resize(n);
     spare_.resize(n);
-    tbb::parallel_invoke([&] { sort(0); }, [&] { sort(1); }, [&] { sort(2); });
+    parallel_for(3, 1, [&](size_t axis) { sort(int(axis)); });
   }
 
   Bvh2 build() {
@@ -91,7 +91,7 @@ class Sweep {
       go_left();
       go_right();
     } else {
-      tbb::parallel_invoke(go_left, go_right);
+      parallel_invoke(go_left, go_right);
     }
     left.extend(right);
     tree_.nodes[index] = node_of(left, free, 0);

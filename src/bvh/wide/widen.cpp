@@ -1,8 +1,6 @@
 // Collapses a binary tree into one with up to 8 children a node, as widen_plan.hpp has chosen.
 #include "bvh/wide/widen.hpp"
 
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <array>
 #include <memory>
@@ -206,7 +204,7 @@ void emit_all(const bvh::Bvh2& tree, const WidePlans& plans, BvhData& out, Emitt
   constexpr uint32_t kSharedLevels = 3, kNever = kNone;
   constexpr Work kRoot{0, 0, 0, kNone, 0, 0};
   const auto ignore = [](const Work&) {};
-  if (tbb::this_task_arena::max_concurrency() == 1) {
+  if (usable_threads() == 1) {
     out.nodes.reserve(size_t{out.node_words()} * (tree.primitives.size() / 8 + 1));
     emitter.reserve(tree.primitives.size());
     emitter.run(kRoot, kNever, ignore);

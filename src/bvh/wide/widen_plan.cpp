@@ -63,7 +63,7 @@ class Planner {
     const auto plan_left = [&] { left = plan(node.first, depth + 1); };
     const auto plan_right = [&] { right = plan(node.first + 1, depth + 1); };
     if (depth < kSharedLevels) {
-      tbb::parallel_invoke(plan_left, plan_right);
+      parallel_invoke(plan_left, plan_right);
     } else {
       plan_left();
       plan_right();

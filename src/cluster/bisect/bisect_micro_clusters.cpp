@@ -87,7 +87,7 @@ class Splitter {
       own.end = own.begin + count;
       separate(own, choice, left, right);
     }
-    tbb::parallel_invoke([&] { Splitter(target_, roundings_).run(left); },
+    parallel_invoke([&] { Splitter(target_, roundings_).run(left); },
                          [&] { Splitter(target_, roundings_).run(right); });
   }
 

@@ -82,7 +82,7 @@ void Block::split_node(uint32_t begin, uint32_t end, uint32_t depth) {
 // They share no items, and what is kept of items a copy has as well.
 void Block::split_halves(uint32_t begin, uint32_t middle, uint32_t end, uint32_t depth) {
   Block other(*this);
-  tbb::parallel_invoke([&] { split_node(begin, middle, depth); },
+  parallel_invoke([&] { split_node(begin, middle, depth); },
                        [&] { other.split_node(middle, end, depth); });
 }
 

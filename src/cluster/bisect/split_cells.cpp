@@ -83,7 +83,7 @@ class Splitter {
     separate(set, node.part, choice, left.part, right.part);
     node.part.cells = {};
     const auto go = [&](Node& side) { split(set, std::move(side), grids, false); };
-    tbb::parallel_invoke([&] { go(left); }, [&] { go(right); });
+    parallel_invoke([&] { go(left); }, [&] { go(right); });
   }
 
   void split_again(const CellSet& set, const Node& node, uint32_t grids) const {

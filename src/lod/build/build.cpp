@@ -25,7 +25,7 @@ Dag build_in_core(const MeshView& mesh, const Config& config, const BuildOptions
   Dag dag;
   dag.config = config;
   Unit unit;
-  tbb::parallel_invoke([&] { unit.source = make_source(mesh, BuildOptions{}); },
+  parallel_invoke([&] { unit.source = make_source(mesh, BuildOptions{}); },
                        [&] { dag.source_digest = triangle_set_digest(mesh); });
   for (size_t v = 0; v < locked.size(); ++v)
     if (locked[v]) unit.locked_positions.push_back(mesh.positions[v]);

@@ -48,7 +48,7 @@ void UnitBuilder::make_finest_level(std::vector<PositionPair>* undecided) {
       held_positions(unit_.source, unit_.pending, unit_.locked_positions, config_.lock_borders);
   lock_frozen();
   unit_.locked_edges.freeze(unit_.frozen);
-  tbb::parallel_invoke(
+  parallel_invoke(
       [&] {
         report_.degenerate_triangles =
             settle_source(unit_.source, unit_.pending, unit_.frozen, undecided);
