@@ -10,6 +10,9 @@ list(FILTER umbel_sources EXCLUDE REGEX "/capi/cuda/")
 # functions are not exported.
 add_library(umbel_objects OBJECT ${umbel_sources})
 umbel_compile_options(umbel_objects)
+umbel_precompile_headers(
+  umbel_objects <algorithm> <array> <atomic> <cmath> <filesystem> <functional> <memory> <mutex>
+  <numeric> <optional> <span> <sstream> <string> <thread> <unordered_map> <vector>)
 target_include_directories(
   umbel_objects
   PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>

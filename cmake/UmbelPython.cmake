@@ -55,6 +55,10 @@ endfunction()
 
 file(GLOB umbel_binding_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/python/bindings/*.cpp)
 umbel_python_module(_umbel ${umbel_binding_sources})
+umbel_precompile_headers(
+  _umbel <nanobind/nanobind.h> <nanobind/ndarray.h> <nanobind/stl/array.h>
+  <nanobind/stl/filesystem.h> <nanobind/stl/optional.h> <nanobind/stl/string.h>
+  <nanobind/stl/tuple.h> <array> <chrono> <memory> <span> <vector>)
 
 # What `umbel bench` compares with: for development, not for wheels.
 if(UMBEL_BUILD_BENCH)

@@ -30,15 +30,11 @@ if(umbel_test_sources)
   if(NOT MSVC)
     # GCC finds the `else` inside EXPECT_ macros ambiguous wherever one follows a plain `if`.
     target_compile_options(umbel_tests PRIVATE -Wno-dangling-else)
-    # The library is as it is shipped; the tests themselves need no more than -O1. There GCC finds
-    # null pointers where the standard library copies nothing.
-    target_compile_options(umbel_tests PRIVATE $<$<CONFIG:Release>:-O1> -Wno-nonnull)
+    # The library is as it is shipped; the tests themselves need no more than -O1.
+    target_compile_options(umbel_tests PRIVATE $<$<CONFIG:Release>:-O1>)
   endif()
-  # Half of a test's compile time is these headers. ccache cannot tell what a precompiled one holds.
-  if(NOT CMAKE_CXX_COMPILER_LAUNCHER)
-    target_precompile_headers(umbel_tests PRIVATE <gtest/gtest.h> <filesystem> <fstream> <functional>
-                              <random> <thread> <unordered_map>)
-  endif()
+  umbel_precompile_headers(umbel_tests <gtest/gtest.h> <filesystem> <fstream> <functional> <random>
+                           <thread> <unordered_map>)
   target_include_directories(umbel_tests PRIVATE ${PROJECT_SOURCE_DIR}/src
                                                  ${PROJECT_SOURCE_DIR}/tests/cpp)
   target_link_libraries(umbel_tests PRIVATE umbel_internal umbel_meshoptimizer_library TBB::tbb

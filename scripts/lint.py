@@ -6,6 +6,7 @@ All checks run, whatever the ones before them say; the exit status is 1 if any f
 import argparse
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 TOOLS = Path(sys.executable).parent
 COMPILE_COMMANDS = ROOT / "build" / "release" / "compile_commands.json"
+TIDY_COMMANDS = ROOT / "build" / "tidy" / "compile_commands.json"
 CPP_SUFFIXES = (".cpp", ".hpp", ".cu", ".cuh", ".h")
 SIMT_INCLUDES = ("tests/simt/kernels/", "tests/simt/device_tests/", "tests/simt/exec_tests.cpp")
 PYTHON = ["python", "scripts", "tests", "viewer/tests"]
@@ -101,9 +103,17 @@ def tidy_one(source: str) -> tuple[str, bool, str]:
     """clang-tidy on one source file: its name, whether it is clean, what was said."""
     # A build's -Werror would make findings of Clang's own warnings, in the standard library too.
     command = [TOOLS / "clang-tidy", "--quiet", "--warnings-as-errors=*", "--extra-arg=-Wno-error"]
-    command += ["-p", COMPILE_COMMANDS.parent, source]
+    command += ["-p", TIDY_COMMANDS.parent, source]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     return source, done.returncode == 0, done.stdout if done.stdout.strip() else done.stderr
+
+
+def write_tidy_commands() -> None:
+    """The build's commands without precompiled headers: each file must include what it uses."""
+    commands = COMPILE_COMMANDS.read_text(encoding="utf-8")
+    commands = re.sub(r"-Winvalid-pch -include \S*/cmake_pch\.hxx ", "", commands)
+    TIDY_COMMANDS.parent.mkdir(parents=True, exist_ok=True)
+    TIDY_COMMANDS.write_text(commands, encoding="utf-8")
 
 
 def compiled_sources() -> set[str]:
@@ -118,6 +128,7 @@ def clang_tidy(sources: Iterable[str]) -> bool:
     if not COMPILE_COMMANDS.is_file():
         print(f"there is no {COMPILE_COMMANDS.relative_to(ROOT)}: run `make build` first")
         return False
+    write_tidy_commands()
     wanted = sorted(compiled_sources() & set(sources))
     clean = True
     with ThreadPoolExecutor(os.cpu_count()) as pool:

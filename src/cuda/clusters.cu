@@ -71,7 +71,7 @@ void list_frame_vertices(void* scratch, size_t& scratch_bytes, uint32_t triangle
                          const FrameClusterConfig& config, const DeviceClusters& clusters,
                          const DeviceVertexLists& out, Stream stream) {
   const auto checked = cluster::CheckedFrameConfig::of(config, triangles);
-  if (!checked.max_vertices && 3 * checked.block.max_items > cluster::VertexTable::kMost)
+  if (!checked.max_vertices && 3 * checked.block.max_items > cluster::TeamVertexTable::kMost)
     throw Error(ErrorCode::kInvalidArgument,
                 "clusters may have more vertices than a byte can count: set max_vertices");
   run(scratch, scratch_bytes, stream, clusters.offsets, [&](auto& exec) {

@@ -40,7 +40,7 @@ cluster::CheckedFrameConfig cluster::CheckedFrameConfig::of(const FrameClusterCo
   const uint32_t half = std::max(config.max_triangles / 2, 1u);
   if (config.min_triangles != 0) check_range("min_triangles", config.min_triangles, 1, half);
   if (config.max_vertices != 0)
-    check_range("max_vertices", config.max_vertices, 3, VertexTable::kMost);
+    check_range("max_vertices", config.max_vertices, 3, TeamVertexTable::kMost);
   if (!(config.underfill_cost >= 0.0f && config.underfill_cost <= 4.0f))
     refuse("underfill_cost must be from 0 to 4, not " + std::to_string(config.underfill_cost));
   if (config.code_bits != 0 && config.code_bits != 30 && config.code_bits != 63)
@@ -238,10 +238,10 @@ FrameVertexLists list_frame_vertices(const FrameClusterer& clusters, const Build
     std::vector<uint32_t> used;
     for (uint32_t i = offsets[c]; i < offsets[c + 1]; ++i)
       used.insert(used.end(), triangles[i].begin(), triangles[i].end());
-    if (used.size() <= cluster::VertexTable::kMost) continue;
+    if (used.size() <= cluster::TeamVertexTable::kMost) continue;
     std::sort(used.begin(), used.end());
     const auto distinct = std::unique(used.begin(), used.end()) - used.begin();
-    if (distinct > cluster::VertexTable::kMost)
+    if (distinct > cluster::TeamVertexTable::kMost)
       refuse("cluster " + std::to_string(c) + " has " + std::to_string(distinct) +
              " vertices, more than the 256 that a byte can count; set max_vertices");
   }

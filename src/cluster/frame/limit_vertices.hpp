@@ -12,7 +12,7 @@ namespace umbel::cluster {
 
 /// The distinct vertices of a cluster: a hash table that the lanes of a team fill together. Where a
 /// vertex lies in it depends on who came first; its first corner does not.
-struct VertexTable {
+struct TeamVertexTable {
   static constexpr uint32_t kMost = 256;  ///< vertices of a cluster
   static constexpr uint32_t kSlots = 2 * kMost;
   static constexpr uint32_t kFree = 0xffffffffu;
@@ -52,7 +52,7 @@ struct VertexTable {
 struct LimitVertices {
   static constexpr uint32_t kLanes = 32;
   struct Shared {
-    VertexTable table;
+    TeamVertexTable table;
   };
   struct Smaller {
     UMBEL_HOST_DEVICE uint32_t operator()(uint32_t a, uint32_t b) const { return a < b ? a : b; }
@@ -66,7 +66,7 @@ struct LimitVertices {
   template <typename Team>
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t c, Shared& shared) const {
     constexpr uint32_t kNone = 0xffffffffu;
-    VertexTable& table = shared.table;
+    TeamVertexTable& table = shared.table;
     const uint32_t begin = offsets[c], end = offsets[c + 1];
     uint32_t vertices = 0;  // of the triangles of this part so far
     table.clear(team);
@@ -123,8 +123,8 @@ struct LocalLists {
 struct NumberVertices {
   static constexpr uint32_t kLanes = 32;
   struct Shared {
-    VertexTable table;
-    uint8_t numbers[VertexTable::kSlots];
+    TeamVertexTable table;
+    uint8_t numbers[TeamVertexTable::kSlots];
   };
   FrameClusters clusters;
   uint8_t* corners;
@@ -132,7 +132,7 @@ struct NumberVertices {
 
   template <typename Team>
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t c, Shared& shared) const {
-    VertexTable& table = shared.table;
+    TeamVertexTable& table = shared.table;
     const Triangle* triangles = clusters.triangles + clusters.offsets[c];
     uint8_t* numbers = corners + size_t(clusters.offsets[c]) * 3;
     const uint32_t count = 3 * (clusters.offsets[c + 1] - clusters.offsets[c]);
@@ -161,7 +161,7 @@ struct NumberVertices {
 struct WriteVertices {
   static constexpr uint32_t kLanes = 32;
   struct Shared {
-    uint32_t corners[VertexTable::kMost];  ///< the first one of each vertex
+    uint32_t corners[TeamVertexTable::kMost];  ///< the first one of each vertex
   };
   FrameClusters clusters;
   LocalLists lists;
@@ -184,7 +184,7 @@ struct WriteVertices {
   }
 };
 
-/// No cluster may have more than VertexTable::kMost vertices.
+/// No cluster may have more than TeamVertexTable::kMost vertices.
 template <typename Exec>
 void list_vertices(Exec& exec, const FrameClusters& clusters, uint32_t most_clusters,
                    const LocalLists& out) {
