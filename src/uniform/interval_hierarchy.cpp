@@ -54,7 +54,7 @@ class IntervalBuilder {
     }
     std::vector<IntervalNode> first, second;
     parallel_invoke([&] { grow(begin, middle, below, depth + 1, first); },
-                         [&] { grow(middle, end, above, depth + 1, second); });
+                    [&] { grow(middle, end, above, depth + 1, second); });
     out.insert(out.end(), first.begin(), first.end());
     link_above();
     out.insert(out.end(), second.begin(), second.end());

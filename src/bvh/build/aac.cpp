@@ -200,8 +200,7 @@ class Aac {
     }
     const uint32_t middle = split(begin, end);
     Forwarded right;
-    parallel_invoke([&] { forwarded = solve(begin, middle); },
-                         [&] { right = solve(middle, end); });
+    parallel_invoke([&] { forwarded = solve(begin, middle); }, [&] { right = solve(middle, end); });
     const uint32_t left_size = forwarded.clusters.size();
     forwarded.clusters.append(right.clusters);
     forwarded.clusters.find_neighbors_across(0, left_size);

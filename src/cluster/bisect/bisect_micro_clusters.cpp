@@ -88,7 +88,7 @@ class Splitter {
       separate(own, choice, left, right);
     }
     parallel_invoke([&] { Splitter(target_, roundings_).run(left); },
-                         [&] { Splitter(target_, roundings_).run(right); });
+                    [&] { Splitter(target_, roundings_).run(right); });
   }
 
  private:

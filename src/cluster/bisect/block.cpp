@@ -83,7 +83,7 @@ void Block::split_node(uint32_t begin, uint32_t end, uint32_t depth) {
 void Block::split_halves(uint32_t begin, uint32_t middle, uint32_t end, uint32_t depth) {
   Block other(*this);
   parallel_invoke([&] { split_node(begin, middle, depth); },
-                       [&] { other.split_node(middle, end, depth); });
+                  [&] { other.split_node(middle, end, depth); });
 }
 
 AxisSplit Block::find_split(uint32_t begin, uint32_t end) {

@@ -26,7 +26,7 @@ Dag build_in_core(const MeshView& mesh, const Config& config, const BuildOptions
   dag.config = config;
   Unit unit;
   parallel_invoke([&] { unit.source = make_source(mesh, BuildOptions{}); },
-                       [&] { dag.source_digest = triangle_set_digest(mesh); });
+                  [&] { dag.source_digest = triangle_set_digest(mesh); });
   for (size_t v = 0; v < locked.size(); ++v)
     if (locked[v]) unit.locked_positions.push_back(mesh.positions[v]);
   dag.report.input_triangles = mesh.triangles.size();
