@@ -90,8 +90,8 @@ vulkan: build  ## the Vulkan renderer in examples/vulkan with its tests; no GPU 
 demo: setup  ## a real scan to a verified LOD asset; MESH=my.glb for your own
 	@.venv/bin/python scripts/demo.py $(if $(MESH),"$(MESH)")
 
-lint: setup  ## formatting, clang-tidy (changed files; all with ALL=1 or in CI), ruff, mypy, layers
-	@.venv/bin/python scripts/lint.py $(if $(or $(ALL),$(CI)),--all)
+lint: setup  ## formatting, clang-tidy (changed files; all with ALL=1), ruff, mypy, layers
+	@.venv/bin/python scripts/lint.py $(if $(ALL),--all,$(if $(CI),--recent))
 
 format: tools  ## formats the C++ and the Python
 	@.venv/bin/python scripts/lint.py --fix
