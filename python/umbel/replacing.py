@@ -6,32 +6,68 @@ Needs nothing but Python: umbel.bench.bvh.cuda runs from the sources where nothi
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import IO
 
 from umbel.errors import Error
 
+Opener = Callable[[Path], AbstractContextManager[IO[bytes]]]
+
+
+@contextlib.contextmanager
+def replacing_together() -> Iterator[Opener]:
+    """A function that opens binary files to write. They take their names when all of them are on
+    disk, in the order in which they were opened; if one cannot be written, none does."""
+    temporaries: dict[str, str] = {}  # by the name to take
+
+    @contextlib.contextmanager
+    def opened(path: Path) -> Iterator[IO[bytes]]:
+        # Named before it is made, so that an interrupt at any moment leaves nothing.
+        temporary = path.parent / f".{path.name}.{secrets.token_hex(8)}.part"
+        temporaries[str(path)] = str(temporary)
+        try:
+            if path.is_dir():  # which no file can replace
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            with temporary.open("xb") as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise _cannot_write(path, error) from None
+
+    try:
+        yield opened
+        _rename(temporaries)
+    except BaseException:
+        for temporary in temporaries.values():
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+        raise
+
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A binary file to write that takes the name `path` only when all of it is on disk."""
-    # Named before it is made, so that an interrupt at any moment leaves nothing.
-    temporary = path.parent / f".{path.name}.{secrets.token_hex(8)}.part"
+    with replacing_together() as opened, opened(path) as file:
+        yield file
+
+
+def _rename(temporaries: dict[str, str]) -> None:
+    """Gives files the names that are the keys."""
     try:
-        with temporary.open("xb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        if isinstance(error, OSError):
-            raise Error(f"cannot write {path}: {error.strerror or error}") from None
-        raise
+        # All in one call, so that no interrupt comes between two of them.
+        list(map(os.replace, temporaries.values(), temporaries))
+    except OSError as error:
+        raise _cannot_write(error.filename2, error) from None
+
+
+def _cannot_write(path: object, error: OSError) -> Error:
+    return Error(f"cannot write {path}: {error.strerror or error}")
 
 
 def write_all(path: Path, chunks: Iterable[bytes]) -> None:

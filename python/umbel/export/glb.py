@@ -12,6 +12,7 @@ from umbel.export.packed import EXTENSIONS, INSTANCING, Json, PackedArrays
 from umbel.export.piece import Doubles
 from umbel.io.gltf.material_table import MaterialTable
 from umbel.io.gltf.materials import extensions_in
+from umbel.io.gltf.tree import known_packets
 from umbel.plain_json import plain
 
 _MOST_BYTES = 0xFFFFFFFF
@@ -39,6 +40,7 @@ def glb_bytes(
         "bufferViews": arrays.views,
         "buffers": arrays.buffers(),
     }
+    root = known_packets(root)
     used = {*extensions_in(root), *EXTENSIONS}
     root["extensionsUsed"] = sorted(used)
     # A reader without instances would show one of each, and as large as its grid.

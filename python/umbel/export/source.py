@@ -17,7 +17,7 @@ from umbel import _umbel
 from umbel.errors import Error
 from umbel.export.piece import Doubles, Piece
 from umbel.geometry.mesh import Material, Mesh
-from umbel.io.format_losses import LIGHTS, camera_and_light_losses
+from umbel.io.format_losses import LIGHTS, WHERE, camera_and_light_losses, name_losses
 from umbel.io.scene import join, transformed, with_default
 from umbel.lod.asset import Asset
 from umbel.lod.instances import all_instances, local_transforms, scale_range
@@ -26,8 +26,6 @@ from umbel.lod.instances import all_instances, local_transforms, scale_range
 Y_TO_Z = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 MOST_INSTANCES = 250_000
 """All of a tree of instances are read."""
-_WHERE = {"instances", "children", "translation", "rotation", "scale", "matrix"}
-"""What nodes say that is in the instances, too."""
 _MARGIN = 1e-5
 """How much larger than a box what is read for it is, as planes are floats."""
 
@@ -171,13 +169,14 @@ class Source:
         tree = self.asset.scene
         nodes = tree.get("nodes", [])
         lost = ["joints and weights"] if self._has_joints else []
-        if any(set(node) - _WHERE for node in nodes):
+        if any(set(node) - WHERE for node in nodes):
             lost.append("names, extras and extensions of nodes")
         lost += camera_and_light_losses(tree)
         lost += sorted(set(tree.get("extensions", {})) - {LIGHTS})
         held = [tree, *tree.get("scenes", []), *tree.get("meshes", [])]
         if any("extras" in entry for entry in held):
             lost.append("extras of the scene and its meshes")
+        lost += name_losses(tree)
         return lost
 
 

@@ -252,6 +252,37 @@ def any_tangents(normals: Float32Array) -> Float32Array:
     return out
 
 
+def uv_tangents(
+    positions: Float32Array, triangles: UInt32Array, normals: Float32Array, uvs: Float32Array
+) -> Float32Array:
+    """(n, 4) float32 tangents along growing u, as normal maps of glTF need them (Lengyel 2001):
+    means over the triangles around; any that fit the normal where those give none."""
+    out = any_tangents(normals)
+    if not len(triangles):
+        return out
+    a, b, c = (positions[triangles[:, k]].astype(np.float64) for k in range(3))
+    (u1, v1), (u2, v2) = ((uvs[triangles[:, k]] - uvs[triangles[:, 0]]).T for k in (1, 2))
+    with np.errstate(all="ignore"):
+        turn = np.sign(u1.astype(np.float64) * v2 - u2.astype(np.float64) * v1)
+        along_u = ((b - a) * v2[:, None] - (c - a) * v1[:, None]) * turn[:, None]
+        along_v = ((c - a) * u1[:, None] - (b - a) * u2[:, None]) * turn[:, None]
+        corners = triangles.reshape(-1)
+        sums = np.zeros((2, len(normals), 3))
+        for total, values in zip(sums, (along_u, along_v), strict=True):
+            for axis in range(3):
+                weights = np.repeat(np.nan_to_num(values[:, axis]), 3)
+                total[:, axis] = np.bincount(corners, weights, len(normals))
+        normal = normals.astype(np.float64)
+        tangent = sums[0] - normal * np.sum(normal * sums[0], axis=1, keepdims=True)
+        tangent = normalized(tangent)
+        # v grows downwards in an image, the bitangent upwards.
+        mirrored = np.sum(np.cross(normal, tangent) * sums[1], axis=1) > 0
+    known = tangent.any(axis=1)
+    out[known, :3] = tangent[known]
+    out[known, 3] = np.where(mirrored[known], -1.0, 1.0)
+    return out
+
+
 def to_uint32(indices: NDArray[Any]) -> UInt32Array:
     """Indices of any number type as uint32. What is negative, fractional or too large becomes an
     index that no mesh has, so that validation names it instead of a wrong vertex being used."""

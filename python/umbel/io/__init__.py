@@ -12,7 +12,9 @@ from umbel.io.addresses import fetched, is_address, load_fetched
 from umbel.io.coordinates import sidecar
 from umbel.io.files import GZIP, read_bytes, read_head
 from umbel.io.folder import Folder
+from umbel.io.ply.data import FIRST_LINE
 from umbel.io.scene import Instance, Scene, scene_of
+from umbel.io.stl import is_whole_binary
 
 __all__ = ["Instance", "Scene", "load", "load_poses", "load_scene", "save"]
 
@@ -90,9 +92,11 @@ def save(path: str | os.PathLike[str], mesh: object) -> None:
 
     glTF keeps everything: a scene's nodes, materials with their textures, joints, cameras, lights,
     extras. What the other formats cannot hold is one `umbel.LoadWarning`. The file is written
-    beside its name and renamed when whole, so a failure leaves nothing; so are the .bin of a .gltf
-    and the .mtl and images of an .obj. Raises `umbel.Error` if the folder cannot be written, the
-    disk is full or the extension is unknown. Positions, normals and UVs come back to the bit.
+    under another name and renamed when whole, together with the .bin of a .gltf or the .mtl and
+    images of an .obj, so a failure leaves nothing new. Of the files beside it only those are
+    replaced that an older file at `path` names; others keep their names, and ours get a number.
+    Raises `umbel.Error` if the folder cannot be written, the disk is full or the extension is
+    unknown. Positions, normals and UVs come back to the bit.
     """
     file = Path(path)
     extension = file.suffix.lower()
@@ -123,9 +127,11 @@ def _is_plain(file: Path) -> bool:
 
 def _sniffed(data: bytes) -> str:
     """The format that the first bytes show, or nothing."""
+    if is_whole_binary(data, len(data)):  # whose first bytes may be any
+        return ".stl"
     if data[:4] == b"glTF":
         return ".glb"
-    if data[:4] in (b"ply\n", b"ply\r", b"ply "):
+    if FIRST_LINE.match(data):
         return ".ply"
     head = data[:512].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head[:1] == b"{" and b'"asset"' in data:

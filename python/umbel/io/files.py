@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from umbel.errors import Error
 from umbel.replacing import replacing as replacing
+from umbel.replacing import replacing_together as replacing_together
 from umbel.replacing import write_all as write_all
 
 GZIP = b"\x1f\x8b"

@@ -8,6 +8,8 @@ from typing import Any
 from umbel.geometry.mesh import Mesh
 
 LIGHTS = "KHR_lights_punctual"
+WHERE = {"instances", "children", "translation", "rotation", "scale", "matrix"}
+"""What nodes say that is in the instances, too."""
 
 
 def attribute_losses(mesh: Mesh) -> Iterator[str]:
@@ -17,12 +19,26 @@ def attribute_losses(mesh: Mesh) -> Iterator[str]:
         yield "the second set of UVs" if sets == 1 else f"{sets} further sets of UVs"
     if mesh.joints is not None:
         yield "joints and weights"
-    tree = mesh.tree
-    if any(set(node) - {"instances", "children"} for node in tree.get("nodes", [])):
+    if any(set(node) - {"instances", "children"} for node in mesh.tree.get("nodes", [])):
         yield "the scene's nodes"
+    yield from scene_losses(mesh.tree, mesh.extras)
+
+
+def scene_losses(tree: dict[str, Any], extras: Any = None) -> Iterator[str]:
+    """Of what a scene's tree says but for the nodes and the copyright; `extras` are those of its
+    mesh."""
     yield from camera_and_light_losses(tree)
-    if "extras" in tree or "extras" in tree.get("asset", {}) or mesh.extras is not None:
+    yield from sorted(set(tree.get("extensions", {})) - {LIGHTS})
+    held = [tree, tree.get("asset", {}), *tree.get("scenes", []), *tree.get("meshes", [])]
+    if extras is not None or any("extras" in entry for entry in held):
         yield "extras"
+    yield from name_losses(tree)
+
+
+def name_losses(tree: dict[str, Any]) -> Iterator[str]:
+    """Of what the tree calls the scene and its meshes."""
+    if any(entry.get("name") for key in ("scenes", "meshes") for entry in tree.get(key, [])):
+        yield "names of the scene and its meshes"
 
 
 def camera_and_light_losses(tree: dict[str, Any]) -> Iterator[str]:

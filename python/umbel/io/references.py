@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import hashlib
 import json
@@ -14,7 +15,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from umbel.io.obj.mtl import map_names
+from umbel.io.obj.mtl import map_names, words_of
 
 _BLOCK = 1 << 20
 _JSON_CHUNK = 0x4E4F534A
@@ -33,7 +34,7 @@ def references(name: str, data: Any) -> list[str]:
     elif name.endswith(".obj"):
         rests = list(_rests_of_lines(data, b"mtllib"))
         # One name with spaces, or several: readers look which of them are there.
-        found = [one for rest in rests for one in dict.fromkeys([rest, *rest.split()])]
+        found = [one for rest in rests for one in dict.fromkeys([rest, *words_of(rest)])]
     elif name.endswith(".mtl"):
         found = map_names(bytes(data))
     plain = (one.replace("\\", "/") for one in found if "\0" not in one)
@@ -73,6 +74,20 @@ def source_digest(path: Path, allow_outside: bool = False) -> str:
     main = digests.pop(path.name)
     lines = [main, *(f"{digests[name]} {name}" for name in sorted(digests))]
     return hashlib.sha256("\n".join(lines).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def named_files(path: Path) -> set[str]:
+    """The files that a mesh file and its material libraries name; none where it is not there."""
+    found: set[str] = set()
+    waiting = [path.name]
+    while waiting:
+        name = waiting.pop()
+        with contextlib.suppress(OSError, ValueError):
+            named = set(_read(path.parent / name, name)[1]) - found
+            found |= named
+            libraries = (one for one in named if one.lower().endswith(".mtl"))
+            waiting += [one for one in libraries if not leads_outside(one)]
+    return found
 
 
 def leads_outside(name: str) -> bool:

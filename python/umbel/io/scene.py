@@ -17,6 +17,7 @@ from umbel.geometry.mesh import (
     any_tangents,
     area_weighted_normals,
     normalized,
+    uv_tangents,
 )
 from umbel.geometry.origin import Rounding, is_far, rounding_loss, zero_origin
 from umbel.io.gltf.tree import check_tree, is_trivial, merged, owners_of, with_instances
@@ -55,7 +56,7 @@ class Scene:
 
         Mirroring transforms flip the winding, so that front faces stay in front, and the tangents'
         handedness. Where only some meshes have an attribute, the others get area-weighted
-        normals, white, UV zero, or tangents that fit the normal.
+        normals, white, UV zero, or tangents along their UVs.
         """
         vertices = sum(len(self.meshes[i.mesh].positions) for i in self.instances)
         triangles = sum(len(self.meshes[i.mesh].triangles) for i in self.instances)
@@ -76,11 +77,11 @@ class Scene:
             materials=materials,
             name=self.name,
             cameras=self.cameras,
-            tree=self._merged_tree(flat.origin),
+            tree=self.merged_tree(flat.origin),
             source=next((mesh.source for mesh in self.meshes if mesh.source), ""),
         )
 
-    def _merged_tree(self, origin: Float64Array) -> dict[str, Any]:
+    def merged_tree(self, origin: Float64Array) -> dict[str, Any]:
         """`tree` for all of the scene as one mesh."""
         used = {instance.mesh for instance in self.instances}
         mesh = self.mesh_notes(used.pop()) if len(used) == 1 else {}
@@ -333,13 +334,16 @@ def _skinned(block: Mesh, influences: int) -> Mesh:
 def _filled(block: Mesh, index: int, parts: list[Part], wanted: set[str], sets: int) -> Mesh:
     n = len(block.positions)
     normals, tangents, uvs, colors = block.normals, block.tangents, block.uvs, block.colors
+    own = [t for b, t, _ in parts if b == index]
+    triangles = np.concatenate([np.zeros((0, 3), np.uint32), *own])
     if normals is None and "normals" in wanted:
-        own = [t for b, t, _ in parts if b == index]
-        triangles = np.concatenate(own) if own else np.zeros((0, 3), np.uint32)
         normals = area_weighted_normals(block.positions, triangles)
     if tangents is None and "tangents" in wanted:
         assert normals is not None
         tangents = any_tangents(normals)
+        if uvs is not None:
+            inside = triangles[(triangles < n).all(axis=1)]
+            tangents = uv_tangents(block.positions, inside, normals, uvs)
     if uvs is None and "uvs" in wanted:
         uvs = np.zeros((n, 2), np.float32)
     if colors is None and "colors" in wanted:

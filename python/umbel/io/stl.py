@@ -21,6 +21,7 @@ from umbel.io.text_lines import Words, line_at
 
 _HEADER = 84
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_COLOR = b"COLOR="  # of all triangles, in a header that Magics writes
 _BLOCK = 1 << 20  # triangles that are looked at together
 #: The words of a facet, "-" for numbers.
 _CORNER = ["vertex", "-", "-", "-"]
@@ -42,14 +43,16 @@ def read_stl(data: bytes, where: str) -> Scene:
 
 def _is_ascii(data: bytes, length: int) -> bool:
     """Whether a file is text, by its first bytes and its length."""
-    # Binary files may begin with "solid" too; their length gives them away.
-    if length >= _HEADER:
-        count = int.from_bytes(data[80:84], "little")
-        if length == _HEADER + count * _RECORD.itemsize:
-            return False
+    if is_whole_binary(data, length):  # which may begin with "solid", too
+        return False
     if not data[:1024].removeprefix(BOM).lstrip().lower().startswith(b"solid"):
         return False
     return b"facet" in data[:4096].lower() or b"\0" not in data[:4096]
+
+
+def is_whole_binary(head: bytes, length: int) -> bool:
+    """Whether a file is as long as its count of triangles says, if it is a binary one."""
+    return length == _HEADER + int.from_bytes(head[80:84], "little") * _RECORD.itemsize
 
 
 def binary_table(head: bytes, length: int, where: str) -> tuple[int, int, int] | None:
@@ -91,11 +94,14 @@ def _count(head: bytes, length: int, where: str) -> int:
 
 
 def warn_of_attributes(data: Any, count: int, where: str) -> None:
-    """Says so if one of a binary file's triangles has more than its normal and corners."""
+    """Says so if a binary file's header has a colour, or one of its triangles more than its normal
+    and corners."""
+    lost = ["the colour in its header"] if _COLOR in bytes(data[:80]) else []
     attributes = np.frombuffer(data, _RECORD, count, _HEADER)["attribute"]
     if any(attributes[k : k + _BLOCK].any() for k in range(0, count, _BLOCK)):
-        what = "the attributes of triangles, which in some programs are colours"
-        warnings.warn(f"{where}: left out: {what}", LoadWarning, stacklevel=6)
+        lost.append("the attributes of triangles, which in some programs are colours")
+    if lost:
+        warnings.warn(f"{where}: left out: {'; '.join(lost)}", LoadWarning, stacklevel=6)
 
 
 def _binary(data: bytes, where: str) -> Float32Array:

@@ -236,10 +236,10 @@ def build_lod(  # type: ignore[misc]  # the second overload does not list all se
             "decimate": decimate is not None,
             "drop_invalid": drop_invalid,
             "precision": precision is not None,
-            "allow_outside": allow_outside,
         }
         limits: dict[str, Any] = {"memory": memory, "resume": resume, "force": force}
         limits |= {"unit_triangles": unit_triangles or 0, "executor": executor}
+        limits |= {"allow_outside": allow_outside}
         return build_stored(mesh, config, refused, limits, work, progress, threads)
     _warn_of_size(mesh)
     given = _one_mesh(mesh, allow_outside)

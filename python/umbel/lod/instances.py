@@ -268,7 +268,8 @@ def instances_of_meshes(asset: Asset) -> NDArray[np.int64]:
 
 def _cuts_by_level(asset: Asset, level: int) -> list[InstanceCut]:
     """A level of every mesh; the coarsest of one that does not have as many."""
-    levels = [asset.meshes[mesh]["levels"] for mesh, _ in all_instances(asset)]
+    of_meshes = [mesh["levels"] for mesh in asset.meshes]
+    levels = [of_meshes[mesh] for mesh, _ in all_instances(asset)]
     check_level(level, max(levels, default=0))
     return _found(asset, [_umbel.view_level(min(level, max(n - 1, 0))) for n in levels])
 

@@ -63,6 +63,7 @@ def build_asset(
     seams: str = "allow",
     creases: str = "allow",
     attribute_bits: Mapping[str, int] | None = None,
+    allow_outside: bool = False,
     force: bool = False,
     textures: str = "embed",
     metadata: Metadata = None,
@@ -125,6 +126,7 @@ def build_asset(
         workers=workers,
         executor=executor,
         attribute_bits=attribute_bits,
+        allow_outside=allow_outside,
         force=force,
         textures=textures,
         metadata=metadata,
@@ -169,6 +171,7 @@ def build_with(
     workers: int = 0,
     executor: Executor | None = None,
     attribute_bits: Mapping[str, int] | None = None,
+    allow_outside: bool = False,
     force: bool = False,
     textures: str = "embed",
     metadata: Metadata = None,
@@ -195,11 +198,13 @@ def build_with(
             staging.close()
         raise
     try:
+        if allow_outside and any(is_address(file) for file in place.files):
+            raise Error("allow_outside is of files; an address's folder is never left")
         if staging:
             staging.begin()
         _remove_leftovers(made)
         files_or_blocks = fetch_sources(place.files, place.fetched) if place.files else source
-        opened = open_source(files_or_blocks, folder_path / "source")
+        opened = open_source(files_or_blocks, folder_path / "source", allow_outside=allow_outside)
         if not force:
             refuse_lost_area(opened.rounding, opened.triangles.triangles, f"{place.said}: ")
         is_same = _is_same_input(opened, folder_path / "source_stamp", folder.is_resumed)

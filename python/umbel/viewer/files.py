@@ -14,17 +14,22 @@ from umbel.lod.asset import Asset
 _KINDS = {".png", ".jpg", ".jpeg", ".webp", ".avif", ".ktx2", ".gif", ".bmp"}
 
 
-def images_beside(asset: Path) -> dict[str, Path]:
-    """Image files in the asset's folder or below it, by the name that the asset has for each.
-
-    What is elsewhere, or not there, is left out: the viewer says that it could not be read."""
+def images_named(asset: Path) -> list[str]:
+    """The names that an asset has for images beside it."""
     try:
         images = json.loads(Asset(asset)._native.materials or "{}").get("images", [])
         names = [image["uri"] for image in images if isinstance(image.get("uri"), str)]
     except (ValueError, TypeError, AttributeError):
-        return {}
+        return []
+    return [urllib.parse.unquote(name) for name in names]
+
+
+def images_beside(asset: Path) -> dict[str, Path]:
+    """Those of them that are in the asset's folder or below it, by the name that it has for each.
+
+    What is elsewhere, or not there, is left out: the viewer says that it could not be read."""
     found: dict[str, Path] = {}
-    for name in map(urllib.parse.unquote, names):
+    for name in images_named(asset):
         path = beside(asset.absolute().parent, name)
         if path is not None and path.suffix.lower() in _KINDS and path.is_file():
             found[name] = path

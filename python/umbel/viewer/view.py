@@ -9,9 +9,9 @@ import tempfile
 import webbrowser
 from pathlib import Path
 
-from umbel.errors import Error
+from umbel.errors import Error, warn_lost
 from umbel.io.textures.images import beside
-from umbel.viewer.files import address_of, images_beside, served_name
+from umbel.viewer.files import address_of, images_beside, images_named, served_name
 from umbel.viewer.server import Server, page_folder
 
 
@@ -72,7 +72,8 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
         whole = Path(made) / "viewer"
         shutil.copytree(page, whole)
         shutil.copyfile(asset, whole / served_name(asset))
-        for name, image in images_beside(asset).items():
+        images = images_beside(asset)
+        for name, image in images.items():
             copy = beside(whole, name)
             if copy is not None and not copy.exists():
                 copy.parent.mkdir(parents=True, exist_ok=True)
@@ -84,6 +85,9 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
         if target.exists():
             target.rmdir()
         whole.rename(target)
+    missing = [name for name in dict.fromkeys(images_named(asset)) if name not in images]
+    if missing:
+        warn_lost(f"{target} was written without images that are not beside the asset", missing)
     return target / "index.html"
 
 

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -27,32 +28,56 @@ class Interrupt:
         return self
 
 
-def test_an_interrupt_at_any_line_leaves_the_old_file_or_the_new_one(tmp_path: Path) -> None:
-    path = tmp_path / "a.bin"
+def write_two(folder: Path) -> None:
+    with files.replacing_together() as opened:
+        for name in ("a.bin", "b.bin"):
+            with opened(folder / name) as file:
+                file.write(NEW)
+
+
+def write_one(folder: Path) -> None:
+    files.write_all(folder / "a.bin", [NEW[:10], NEW[10:]])
+
+
+@pytest.mark.parametrize(
+    ("names", "write"), [(["a.bin"], write_one), (["a.bin", "b.bin"], write_two)]
+)
+def test_an_interrupt_at_any_line_leaves_the_old_files_or_the_new_ones(
+    tmp_path: Path, names: list[str], write: Callable[[Path], None]
+) -> None:
     interrupted = 0
     for line in range(1, 1000):
-        path.write_bytes(OLD)
+        for name in names:
+            (tmp_path / name).write_bytes(OLD)
         trace = Interrupt(line)
         before = sys.gettrace()
         sys.settrace(trace)
         try:
-            files.write_all(path, [NEW[:10], NEW[10:]])
+            write(tmp_path)
         except KeyboardInterrupt:
             interrupted += 1
         finally:
             sys.settrace(before)
-        assert os.listdir(tmp_path) == ["a.bin"]
-        assert path.read_bytes() in (OLD, NEW)
+        assert sorted(os.listdir(tmp_path)) == names
+        left = {(tmp_path / name).read_bytes() for name in names}
+        assert left in ({OLD}, {NEW})
         if trace.left > 0:
             break
     assert interrupted > 10
-    assert path.read_bytes() == NEW
+    assert left == {NEW}
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(files.Error, match=r"cannot write .*nowhere"):
         files.write_all(tmp_path / "nowhere" / "a.bin", [NEW])
     assert os.listdir(tmp_path) == []
+
+
+def test_a_folder_is_no_file_to_replace(tmp_path: Path) -> None:
+    (tmp_path / "b.bin").mkdir()
+    with pytest.raises(files.Error, match=r"cannot write .*b.bin: Is a directory"):
+        write_two(tmp_path)
+    assert os.listdir(tmp_path) == ["b.bin"]
 
 
 def test_a_new_file_has_the_usual_permissions(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,11 @@ from hypothesis import strategies as st
 
 from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES
 from helpers.meshes import full_mesh
-from umbel.errors import Error
-from umbel.geometry.mesh import Mesh
+from umbel.errors import Error, LoadWarning
+from umbel.geometry.mesh import Material, Mesh
 from umbel.io import load, save
 from umbel.io.blocks import open_source
+from umbel.io.textures.images import TextureImage
 from umbel.scale.build_asset import build_asset
 
 EXTENSIONS = [".glb", ".ply", ".obj"]
@@ -150,6 +152,133 @@ def test_other_readers_agree(tmp_path: Path) -> None:
         loaded = trimesh.load(path, process=False, force="mesh", maintain_order=True)
         assert loaded.faces.shape == mesh.triangles.shape
         assert np.allclose(loaded.vertices[loaded.faces], mesh.positions[mesh.triangles], atol=1e-6)
+
+
+# --- files beside ------------------------------------------------------------------------------
+
+
+PNG = b"\x89PNG\r\n\x1a\n"
+SEVERAL = [".gltf", ".obj"]
+
+
+def painted(*images: bytes | Path) -> Mesh:
+    """A mesh of a material for each image, in its order."""
+    count = len(images)
+    materials = []
+    for image in images:
+        one = TextureImage(path=image) if isinstance(image, Path) else TextureImage(PNG + image)
+        materials.append(Material(images={"base_color": one}))
+    corners = np.random.default_rng(count).random((3 * count, 3)).astype(np.float32)
+    triangles = np.arange(3 * count, dtype=np.uint32).reshape(-1, 3)
+    ids = np.arange(count, dtype=np.uint32)
+    return Mesh(corners, triangles, uvs=corners[:, :2], material_ids=ids, materials=materials)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def images_of(path: Path) -> list[bytes]:
+    mesh = load(path)
+    assert mesh.material_ids is not None
+    used = [mesh.materials[k] for k in mesh.material_ids]
+    return [material.images["base_color"].encoded() for material in used]
+
+
+@pytest.mark.parametrize("extension", SEVERAL)
+@pytest.mark.parametrize("has_older", [False, True])
+def test_a_failure_at_any_file_leaves_all_as_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, extension: str, has_older: bool
+) -> None:
+    path = tmp_path / f"a{extension}"
+    if has_older:
+        save(path, painted(b"old"))
+    before = contents(tmp_path)
+    left = 0
+
+    def full(_: int) -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    files = 2 if extension == ".gltf" else 4
+    for good in range(files):
+        left = good
+        with pytest.raises(Error, match=r"cannot write .*: No space left on device"):
+            save(path, painted(b"new", b"other"))
+        assert contents(tmp_path) == before
+    left = files
+    save(path, painted(b"new", b"other"))
+    assert images_of(path) == [PNG + b"new", PNG + b"other"]
+
+
+@pytest.mark.parametrize("extension", SEVERAL)
+def test_files_of_others_are_not_replaced(tmp_path: Path, extension: str) -> None:
+    others = dict.fromkeys(["a.bin", "a.mtl", "a_base_color.png"], b"mine")
+    for name, data in others.items():
+        (tmp_path / name).write_bytes(data)
+    path = tmp_path / f"a{extension}"
+    for image in (b"one", b"two", b"three"):
+        save(path, painted(image))
+        assert images_of(path) == [PNG + image]
+        found = contents(tmp_path)
+        assert others.items() <= found.items()
+        beside = {".gltf": {"a_1.bin"}, ".obj": {"a_1.mtl", "a_base_color_1.png"}}[extension]
+        assert found.keys() - others.keys() == {path.name, *beside}
+
+
+@pytest.mark.parametrize("extension", SEVERAL)
+def test_files_beside_are_found_again_where_the_main_one_is_gone(
+    tmp_path: Path, extension: str
+) -> None:
+    path = tmp_path / f"a{extension}"
+    save(path, painted(b"one"))
+    before = contents(tmp_path)
+    path.unlink()
+    save(path, painted(b"one"))
+    assert contents(tmp_path) == before
+
+
+def test_an_image_that_stays_is_not_replaced_by_another(tmp_path: Path) -> None:
+    path = tmp_path / "a_base_color.png"
+    path.write_bytes(PNG + b"old")
+    for _ in range(2):
+        save(tmp_path / "a.obj", painted(b"new", path))
+        assert images_of(tmp_path / "a.obj") == [PNG + b"new", PNG + b"old"]
+        assert sorted(contents(tmp_path)) == [
+            "a.mtl", "a.obj", "a_base_color.png", "a_base_color_1.png"
+        ]  # fmt: skip
+
+
+def test_an_image_that_is_gone_is_a_warning_and_no_map(tmp_path: Path) -> None:
+    with pytest.warns(LoadWarning, match=r"a\.obj: .*gone\.png: No such file"):
+        save(tmp_path / "a.obj", painted(tmp_path / "gone.png"))
+    assert b"map_" not in (tmp_path / "a.mtl").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["C:\\mats\\", "\\", "#", "a # b", "a\u3000b", "\ud800", "\u0085"])
+def test_any_name_of_a_material_is_one_of_obj(tmp_path: Path, name: str) -> None:
+    mesh = painted(b"one", b"two", b"three")
+    for k, material in enumerate(mesh.materials):
+        material.name, material.images = name, {}
+        material.roughness = k / 4
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        save(tmp_path / "a.obj", mesh)
+        back = load(tmp_path / "a.obj")
+    assert [m.roughness for m in back.materials] == [0, 0.25, 0.5]
+    assert len({m.name for m in back.materials}) == len(back.triangles) == 3
+
+
+@pytest.mark.parametrize("extension", SEVERAL)
+def test_files_whose_name_is_no_text_have_files_beside_them(tmp_path: Path, extension: str) -> None:
+    path = tmp_path / os.fsdecode(b"mesh\xff" + extension.encode())
+    for image in (b"one", b"two"):
+        save(path, painted(image))
+        assert images_of(path) == [PNG + image]
+    assert len(contents(tmp_path)) == (2 if extension == ".gltf" else 3)
 
 
 # --- failures ---------------------------------------------------------------------------------

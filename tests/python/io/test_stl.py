@@ -83,6 +83,28 @@ def test_attributes_of_triangles_are_named(tmp_path: Path, in_parts: bool) -> No
             load(path)
 
 
+@pytest.mark.parametrize("in_parts", [False, True])
+def test_a_colour_in_the_header_is_named(tmp_path: Path, in_parts: bool) -> None:
+    path = tmp_path / "mesh.stl"
+    path.write_bytes(binary(head=b"COLOR=\xff\0\0\xff,MATERIAL="))
+    with pytest.warns(LoadWarning, match="mesh.stl: left out: the colour in its header$"):
+        if in_parts:
+            open_source(path, tmp_path / "work")
+        else:
+            load(path)
+
+
+@pytest.mark.parametrize("head", [b"ply stl converter", b"glTF stl converter", b"ply\n"])
+def test_a_header_may_begin_as_another_format(tmp_path: Path, head: bytes) -> None:
+    assert np.array_equal(corners(read(tmp_path, binary(head=head))), CORNERS)
+
+
+def test_a_header_that_is_a_sentence_about_ply_is_none_of_ply(tmp_path: Path) -> None:
+    with pytest.warns(LoadWarning, match="1 bytes after the 4 triangles"):
+        mesh = read(tmp_path, binary(head=b"ply stl converter") + b"x")
+    assert np.array_equal(corners(mesh), CORNERS)
+
+
 def test_solids_that_become_one_mesh_are_said(tmp_path: Path) -> None:
     with pytest.warns(LoadWarning, match="mesh.stl: its 2 solids become one mesh"):
         read(tmp_path, (ascii_text() + "\n" + ascii_text()).encode())

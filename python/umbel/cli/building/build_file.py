@@ -275,7 +275,7 @@ def _for_units(options: Options) -> dict[str, Any]:
         if getattr(options, key) != getattr(usual, key):
             chosen[key] = getattr(options, key)
     bits = options.attribute_bits()
-    chosen |= {"force": options.force}
+    chosen |= {"force": options.force, "allow_outside": options.allow_outside}
     return {**chosen, "attribute_bits": bits, "unit_triangles": options.unit_triangles or 0}
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from umbel import _umbel
-from umbel.errors import Error, LoadWarning
+from umbel.errors import Error, LoadWarning, warn_lost
 from umbel.geometry.mesh import Material, Mesh
 from umbel.geometry.origin import Rounding
 from umbel.io import load_scene
@@ -20,6 +20,7 @@ from umbel.io.blocks.called import called, is_called
 from umbel.io.blocks.layout import Layout
 from umbel.io.blocks.spool import spool, spool_mesh
 from umbel.io.coordinates import sidecar
+from umbel.io.format_losses import WHERE, scene_losses
 from umbel.io.gltf.tree import is_trivial
 
 __all__ = ["Source", "open_source"]
@@ -41,7 +42,7 @@ class Source:
     coordinates: dict[str, str] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)  #: that are read; none for an iterator
     vertices: int | None = None  #: of all files, where they are known without reading those
-    #: what `Asset.scene` shall be of a single mesh that was read as a whole
+    #: what `Asset.scene` shall be
     tree: dict[str, Any] = field(default_factory=dict)
     #: By which other machines that have the files open it (`layout.again`); None: they cannot.
     recipe: dict[str, list[Any]] | None = None
@@ -49,7 +50,12 @@ class Source:
     rounding: Rounding = field(default_factory=Rounding)
 
 
-def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[str]) -> Source:
+def open_source(
+    source: Paths | Mesh | Iterable[Any],
+    work: str | os.PathLike[str],
+    *,
+    allow_outside: bool = False,
+) -> Source:
     """One file, several, a mesh, or an iterable of blocks (meshes; anything with `positions` and
     `triangles`, and perhaps `normals`, `tangents`, `uvs`, `colors` and `materials`, a number a
     triangle; or pairs of the first two), as one mesh: parts that have vertices at equal positions
@@ -61,10 +67,11 @@ def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[st
     tables in the folder `work`, which must stay: OBJ and iterables in little memory; text of the
     other formats, packed, compressed and skinned files as a whole, so those must fit into memory;
     large meshes whose triangles jump about among their vertices. Of several files with joints,
-    whose numbers mean other nodes in each, only one is taken.
+    whose numbers mean other nodes in each, only one is taken. What a file says of its scene (nodes,
+    cameras, lights, extras, copyright) is kept of a single file, and of that with joints; a warning
+    names what is left out of others. `allow_outside` is that of `umbel.load`.
     """
-    layout = Layout(Path(work))
-    whole: Mesh | None = None
+    layout = Layout(Path(work), allow_outside)
     coordinates: dict[str, str] = {}
     rounding = Rounding()
     if isinstance(source, (str, os.PathLike)):
@@ -74,16 +81,16 @@ def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[st
     elif is_called(source):
         return Source(called(source), vertices=getattr(source, "vertex_count", None))
     elif isinstance(source, Mesh):
-        files, coordinates, whole = None, source.coordinates, source
+        files, coordinates = None, source.coordinates
         rounding = source.rounding
         spool_mesh(layout, source, source.source or source.name or "the mesh")
+        layout.trees.append((Path(source.source), source.tree))
     else:
         files = None
         spool(layout, source, "the blocks")
     skinned: list[Path] = []
     for file in files or []:
         said, mesh = _add(layout, file)
-        whole = mesh if len(files or []) == 1 else None
         if mesh is not None:
             moved = max(rounding.largest_move, mesh.rounding.largest_move)
             rounding = Rounding(moved, rounding.degenerate + mesh.rounding.degenerate)
@@ -106,17 +113,42 @@ def open_source(source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[st
     if native.put_in_order(layout.work / "sorted_", _LEAST_BYTES, _BLOCK):
         layout.recipe = None
     triangles = _umbel.TableSource(native)
-    tree = {} if whole is None or is_trivial(whole.tree) else whole.tree
     return Source(
         triangles,
         layout.materials,
         coordinates,
         files or [],
         layout.vertices,
-        tree,
+        _tree_of(layout, skinned[0] if skinned else None, len(files or []) > 1),
         layout.recipe,
         rounding,
     )
+
+
+def _tree_of(layout: Layout, skinned: Path | None, are_several: bool) -> dict[str, Any]:
+    """The scene of the only file, or of the one with joints, whose numbers are nodes of it. Of
+    others a warning says what is lost."""
+    kept: dict[str, Any] = {}
+    lost: dict[str, list[Path]] = {}
+    for file, tree in layout.trees:
+        if not are_several or file == skinned:
+            kept = {} if is_trivial(tree) else tree
+            continue
+        for what in (*_notes_lost(tree, file.stem), *scene_losses(tree)):
+            lost.setdefault(what, []).append(file)
+    if lost:
+        files = list(dict.fromkeys(file for named in lost.values() for file in named))
+        more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+        warn_lost(f"{files[0]}{more}: left out, as all becomes one mesh", list(lost), 8)
+    return kept
+
+
+def _notes_lost(tree: dict[str, Any], stem: str) -> Iterator[str]:
+    """A mesh that its node has moved is on a node of its own, named like the file."""
+    if any(set(n) - WHERE and n.get("name") != stem for n in tree.get("nodes", [])):
+        yield "names, extras and extensions of nodes"
+    if tree.get("asset", {}).get("copyright"):
+        yield "copyright"
 
 
 def _told(coordinates: dict[str, str]) -> str:
@@ -136,8 +168,9 @@ def _add(layout: Layout, file: Path) -> tuple[dict[str, str], Mesh | None]:
     lay_out = kinds.get(file.suffix.lower())
     if lay_out is not None and lay_out(layout, file):
         return {**(gltf.COORDINATES if lay_out is gltf.lay_out else {}), **sidecar(file)}, None
-    scene = load_scene(file)
+    scene = load_scene(file, allow_outside=layout.allow_outside)
     gltf.warn_of_nodes(scene, file)
     mesh = scene.flatten()
     spool_mesh(layout, mesh, str(file))
+    layout.trees.append((file, mesh.tree))
     return mesh.coordinates, mesh

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from umbel.errors import Error, LoadWarning
+from umbel.geometry.mesh import Mesh
 from umbel.io.blocks.layout import Column, Extra, Layout
 from umbel.io.coordinates import GLTF as COORDINATES
 from umbel.io.files import GZIP, read_head
 from umbel.io.folder import Folder
 from umbel.io.gltf.buffers import Buffers, Json, glb_ranges, is_data_uri, parse_json
 from umbel.io.gltf.images import texture_reader
-from umbel.io.gltf.losses import losses, missing_textures, unknown_names
+from umbel.io.gltf.losses import idle_images, losses, missing_textures, unknown_names
 from umbel.io.gltf.materials import read_material
 from umbel.io.gltf.nodes import Nodes
 from umbel.io.gltf.reader import MOST_UVS, check_header
@@ -66,13 +67,15 @@ def lay_out(layout: Layout, path: Path) -> bool:
     check_schema(root, str(path))
     check_header(root, str(path))
     try:
-        plan = _Plan(root, path, binary)
+        plan = _Plan(root, Folder(path.parent, layout.allow_outside), path, binary)
     except Error:
         raise
     except (_Whole, LookupError, TypeError, ValueError):  # the reader of whole files says more
         return False
     plan.add_to(layout)
-    warn_of_nodes(plan.scene(), path)
+    scene = plan.scene()
+    warn_of_nodes(scene, path)
+    layout.trees.append((path, scene.merged_tree(np.zeros(3))))
     return True
 
 
@@ -87,15 +90,17 @@ def warn_of_nodes(scene: Scene, path: Path) -> None:
 class _Plan:
     """What would be added: nothing is, until it is known that all can be."""
 
-    def __init__(self, root: Json, path: Path, binary: tuple[int, int] | None) -> None:
-        self.root, self.path, self.binary = root, path, binary
-        self.folder = Folder(path.parent)
+    def __init__(
+        self, root: Json, folder: Folder, path: Path, binary: tuple[int, int] | None
+    ) -> None:
+        self.root, self.folder, self.path, self.binary = root, folder, path, binary
         self.buffers = Buffers(root, None, str(path), self.folder)
         self.nodes = Nodes(self.buffers)
         #: node, accessors by stream, indices, material
         self.parts: list[tuple[int, dict[str, int], int | None, int]] = []
         streams = set()
-        for index in self.nodes.drawn():
+        self.drawn = self.nodes.drawn()
+        for index in self.drawn:
             node = self.nodes.node(index)
             if "mesh" not in node:
                 continue
@@ -109,6 +114,7 @@ class _Plan:
         # Normals and tangents that only some have are made from the whole mesh.
         if not self.parts or len({s & {"NORMAL", "TANGENT"} for s in streams}) > 1:
             raise _Whole
+        self.tree = Tree(root, self.nodes, self.drawn)
 
     def _add(self, node: int, primitive: Json) -> frozenset[str]:
         attributes = primitive.get("attributes") or {}
@@ -203,20 +209,29 @@ class _Plan:
             return file.read(length)
 
     def scene(self) -> Scene:
-        """Where its meshes are, without them."""
-        drawn = dict.fromkeys(node for node, *_ in self.parts)
-        instances = [Instance(0, self.nodes.world(node), "", node) for node in drawn]
-        return Scene(instances=instances, tree={"nodes": self.root.get("nodes") or []})
+        """The scene, of whose meshes there are only names and extras."""
+        meshes: dict[int, int] = {}
+        instances: list[Instance] = []
+        for index in dict.fromkeys(node for node, *_ in self.parts):
+            node = self.nodes.node(index)
+            mesh = meshes.setdefault(node["mesh"], len(meshes))
+            place = self.nodes.world(index), str(node.get("name", "")), self.tree.numbers[index]
+            instances.append(Instance(mesh, *place))
+        return Scene(
+            [_called(self.root["meshes"][number]) for number in meshes],
+            instances=instances,
+            name=self.path.stem,
+            tree=self.tree.json,
+        )
 
     def add_to(self, layout: Layout) -> None:
         lost: list[str] = []
         textures = texture_reader(self.buffers, lost, self._view)
         entries = self.root.get("materials") or []
         numbers = layout.shared.add([read_material(entry, textures.image) for entry in entries])
-        drawn = self.nodes.drawn()
-        tree = Tree(self.root, self.nodes, drawn)
-        lost += losses(self.root, [self.nodes.node(k) for k in drawn], tree.lost)
+        lost += losses(self.root, [self.nodes.node(k) for k in self.drawn], self.tree.lost)
         lost += missing_textures(len(textures.missing))
+        lost += idle_images(textures.idle)
         lost += unknown_names(self.root)
         if lost:
             warnings.warn(f"{self.path}: left out: {'; '.join(lost)}", LoadWarning, stacklevel=5)
@@ -259,6 +274,12 @@ class _Plan:
                 transform=self.nodes.world(node),
                 extras=extras,
             )
+
+
+def _called(entry: Json) -> Mesh:
+    """A mesh that has what the file says of it, and no triangles."""
+    none = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32)
+    return Mesh(*none, name=str(entry.get("name", "")), extras=entry.get("extras"))
 
 
 def _further(attributes: Json) -> list[str]:

@@ -40,9 +40,12 @@ class Layout:
     """Collects files, tables and parts, and the materials of all of them."""
 
     work: Path
+    allow_outside: bool = False  #: of files that a file refers to: see `umbel.load`
     shared: SharedMaterials = field(default_factory=SharedMaterials)
     native: Any = field(default_factory=_umbel.TableLayout)
     parts: list[_Part] = field(default_factory=list)
+    #: What files say of their scenes, each as `Asset.scene` has it of one mesh.
+    trees: list[tuple[Path, dict[str, Any]]] = field(default_factory=list)
     vertices: int | None = 0  #: of all parts; None where a part's are not known
     #: What `again` makes the same layout of; None where it cannot. JSON.
     recipe: dict[str, list[Any]] | None = field(

@@ -23,7 +23,9 @@ def lay_out(layout: Layout, path: Path) -> bool:
         warnings.warn(note.decode("utf-8", "replace"), LoadWarning, stacklevel=4)
     material = None
     if found["has_materials"]:
-        material = layout.shared.add_in_order(materials_of(found, Folder(path.parent), where))
+        material = layout.shared.add_in_order(
+            materials_of(found, Folder(path.parent, layout.allow_outside), where)
+        )
     layout.add_part(
         where,
         found["columns"],

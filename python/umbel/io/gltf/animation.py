@@ -17,7 +17,8 @@ from umbel.errors import Error
 from umbel.geometry.mesh import Mesh
 from umbel.io.folder import Folder
 from umbel.io.gltf.buffers import Buffers, parse_container
-from umbel.io.gltf.reader import read_root
+from umbel.io.gltf.reader import check_header, read_root
+from umbel.io.gltf.schema import check_schema
 
 Json = dict[str, Any]
 _SIZES = {"translation": 3, "rotation": 4, "scale": 3}
@@ -26,9 +27,15 @@ _SIZES = {"translation": 3, "rotation": 4, "scale": 3}
 def read_poses(data: bytes, where: str, folder: Folder | None, rate: float) -> Iterator[Mesh]:
     """The mesh at every 1/rate seconds of every animation, its beginning and its end among them."""
     root, binary = parse_container(data, where)
+    check_schema(root, where)
+    check_header(root, where)
     buffers = Buffers(root, binary, where, folder)
     for index, animation in enumerate(root.get("animations") or []):
-        channels = _channels(animation, buffers, f"animations[{index}]")
+        name = f"animations[{index}]"
+        try:
+            channels = _channels(animation, buffers, name)
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            raise Error(f"{where}: {name} is corrupt: {error}") from error
         if not channels:
             continue
         begin = min(float(times[0]) for _, _, times, _, _ in channels)

@@ -62,6 +62,12 @@ def missing_textures(count: int) -> Iterator[str]:
         yield f"{count} textures without an image" if count > 1 else "a texture without an image"
 
 
+def idle_images(count: int) -> Iterator[str]:
+    """So many that no material uses."""
+    if count:
+        yield f"{count} images that are not used" if count > 1 else "an image that is not used"
+
+
 def unknown_names(root: Json) -> Iterator[str]:
     """Properties that glTF does not have, the first of them by name."""
     unknown = list(unknown_properties(root))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 from umbel.geometry.mesh import Material
@@ -62,8 +62,14 @@ def read_material(entry: Json, image: Callable[[Any], TextureImage | None]) -> M
     return material
 
 
-def extension_textures(extensions: Json) -> Iterator[tuple[str, Json, str]]:
-    """Every textureInfo in a material's extensions: (slot, the object that it is in, its key)."""
+def extension_textures(
+    extensions: Json, known: Collection[str] = ()
+) -> Iterator[tuple[str, Json, str]]:
+    """Every textureInfo in a material's extensions: (slot, the object that it is in, its key).
+    Some extensions are one as a whole (MOZ_lightmap): those with an index, and `known` slots."""
+    for name, value in list(extensions.items()):
+        if isinstance(value, dict) and ("index" in value or name in known):
+            yield name, extensions, name
     stack: list[tuple[str, Any]] = list(reversed(extensions.items()))
     while stack:
         path, value = stack.pop()
@@ -105,7 +111,7 @@ def write_material(material: Material, reference: Reference | None = None) -> Js
         info = _info(material, slot, {}, reference)
         if info is not None:
             (entry[section] if section else entry)[key] = info
-    for slot, parent, key in list(extension_textures(extensions)):
+    for slot, parent, key in list(extension_textures(extensions, material.images)):
         info = _info(material, slot, parent.pop(key), reference)
         if info is not None:
             parent[key] = info

@@ -32,6 +32,7 @@ class Skin:
         #: The index in `joints` of each of the source's numbers.
         self.numbers: UInt32Array = np.array([slots[node] for node in named], np.uint32)
         self.name = next((s["name"] for s in skins if s.get("name")), "")
+        self.extras = [skin["extras"] for skin in skins if "extras" in skin]
         #: The joint of vertices that no other moves.
         self.still = 0
         if any(not mesh.weights.any(axis=1).all() for mesh in skinned if mesh.weights is not None):
@@ -57,6 +58,8 @@ class Skin:
             skin: Json = {"inverseBindMatrices": arrays.array(columns, "MAT4")}
             if self.name:
                 skin["name"] = self.name
+            if len(self.extras) == 1:
+                skin["extras"] = self.extras[0]
             self._made[key] = len(self.skins)
             self.skins.append({**skin, "joints": self.joints})
         return self._made[key]

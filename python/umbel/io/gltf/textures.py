@@ -38,6 +38,12 @@ class TextureReader:
         #: Textures that a material names and that have no image.
         self.missing: set[int] = set()
 
+    @property
+    def idle(self) -> int:
+        """Images of the file that no texture so far has asked for."""
+        images = self._root.get("images")
+        return len(images) - len(self._sources) if isinstance(images, list) else 0
+
     def image(self, index: Any) -> TextureImage | None:
         """That of texture `index`."""
         if not isinstance(index, int) or isinstance(index, bool):

@@ -20,9 +20,12 @@ from umbel.io.gltf.nodes import Nodes, local_matrix
 Json = dict[str, Any]
 
 #: Extensions of nodes and of the whole file that mean the same in another file with this tree.
-KEPT = ("KHR_lights_punctual", "KHR_xmp_json_ld", "KHR_node_visibility")
+XMP = "KHR_xmp_json_ld"
+KEPT = ("KHR_lights_punctual", XMP, "KHR_node_visibility")
 #: Extensions that the readers here have done what they ask for.
 _DONE = ("EXT_mesh_gpu_instancing",)
+#: Extensions whose other half is lost.
+_HALF = ("KHR_materials_variants",)
 _PLACE = {"matrix", "translation", "rotation", "scale"}
 _DRAWN = ("mesh", "skin", "weights", "instances")
 
@@ -72,7 +75,9 @@ class Tree:
         not known may refer to what is not there any more, unless it has no integers."""
         out = {k: copy.deepcopy(v) for k, v in entry.items() if k not in without}
         extensions = out.pop("extensions", None) or {}
-        kept = {k: v for k, v in extensions.items() if k in KEPT or not _has_integers(v)}
+        kept = {
+            k: v for k, v in extensions.items() if k in KEPT or not (k in _HALF or _has_integers(v))
+        }
         self.lost.update(k for k in extensions if k not in kept and k not in _DONE)
         if kept:
             out["extensions"] = kept
@@ -85,6 +90,27 @@ def _has_integers(value: Any) -> bool:
     if isinstance(value, list):
         return any(_has_integers(item) for item in value)
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def known_packets(root: Json) -> Json:
+    """A file's JSON whose materials refer to no XMP packets if it has none: an asset's do where its
+    scene is left out."""
+    if XMP in (root.get("extensions") or {}):
+        return root
+    return root | {k: _without(root[k], XMP) for k in ("materials", "textures", "images")}
+
+
+def _without(value: Any, extension: str) -> Any:
+    if isinstance(value, list):
+        return [_without(item, extension) for item in value]
+    if not isinstance(value, dict):
+        return value
+    out = {k: v if k == "extras" else _without(v, extension) for k, v in value.items()}
+    if extension in (out.get("extensions") or {}):
+        del out["extensions"][extension]
+        if not out["extensions"]:
+            del out["extensions"]
+    return out
 
 
 def check_tree(tree: Json, where: str) -> None:

@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from umbel.errors import Error, warn_lost
-from umbel.io.files import write_all
+from umbel.io.files import replacing_together, write_all
 from umbel.io.gltf.arrays import Arrays, Json
 from umbel.io.gltf.attach import attach
 from umbel.io.gltf.material_table import MaterialTable
 from umbel.io.gltf.materials import extensions_in
 from umbel.io.gltf.primitives import write_primitives
 from umbel.io.gltf.skins import Skin, common_root, has_joints
-from umbel.io.gltf.tree import check_tree, worlds
+from umbel.io.gltf.tree import check_tree, known_packets, worlds
 from umbel.io.scene import Instance, Scene
+from umbel.io.side_names import SideNames
 from umbel.plain_json import plain
 
 _MOST_BYTES = 0xFFFFFFFF
@@ -79,6 +80,7 @@ class _Writer:
             "accessors": self.arrays.accessors,
             "bufferViews": self.arrays.views,
         }
+        root = known_packets(root)
         root["extensionsUsed"] = sorted(extensions_in(root))
         root["extensionsRequired"] = sorted(self.materials.table.required)
         return {key: value for key, value in root.items() if value not in ([], {})}, self.lost
@@ -98,6 +100,8 @@ class _Writer:
             return None
         before = len(self.nodes)
         skin = Skin(self.scene.tree, self.nodes, meshes)
+        if len(skin.extras) > 1:
+            self.lost.append("the extras of skins, as they become one")
         if skin.usable(self.nodes):
             self.roots += range(before, len(self.nodes))
             self.every = worlds(self.nodes)
@@ -124,6 +128,8 @@ class _Writer:
     def _mesh(self, index: int) -> int:
         if index not in self._numbers:
             mesh = self.scene.meshes[index]
+            if mesh.colors is not None and not ((mesh.colors >= 0) & (mesh.colors <= 1)).all():
+                self.lost.append("colours outside 0 to 1, which become 0 or 1")
             primitives = write_primitives(self.arrays, mesh, self.materials.number, self.skin)
             entry: Json = {"name": mesh.name or self.name, "primitives": primitives}
             if mesh.extras is not None:
@@ -169,9 +175,12 @@ def _glb(path: Path, root: Json, arrays: Arrays) -> list[bytes]:
 
 
 def _write_apart(path: Path, root: Json, arrays: Arrays) -> None:
-    if arrays.size:
-        binary = path.with_suffix(".bin")
-        uri = urllib.parse.quote(binary.name, errors="surrogateescape")
-        root["buffers"] = [{"byteLength": arrays.size, "uri": uri}]
-        write_all(binary, arrays.chunks)
-    write_all(path, [_text(root)])
+    with replacing_together() as opened:
+        if arrays.size:
+            name = SideNames(path).new(path.stem, ".bin", arrays.chunks)
+            uri = urllib.parse.quote(name, errors="surrogateescape")
+            root["buffers"] = [{"byteLength": arrays.size, "uri": uri}]
+            with opened(path.with_name(name)) as file:
+                file.writelines(arrays.chunks)
+        with opened(path) as file:
+            file.write(_text(root))

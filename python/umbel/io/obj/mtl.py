@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Iterator
 from typing import Any
 
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Material
+from umbel.io.files import BOM, text_of
 from umbel.io.folder import Folder
 from umbel.io.textures.images import TextureImage
 
@@ -20,49 +22,74 @@ _VALUES = {"kd", "ke", "d", "tr", "pm", "pr", "ns", "pc", "pcr", "ni"}
 #: Of lights and rules of shading that no material here has: nearly every library has them.
 _IDLE = {"ka", "illum"}
 _ANY_MAP = ("map_", "bump", "norm", "disp", "decal", "refl")
-#: Options of maps with one word, and those with up to three numbers or two.
-_WORDS = ("-blendu", "-blendv", "-boost", "-texres", "-clamp", "-bm", "-imfchan", "-type", "-cc",
+#: Options of maps with one word, and the most numbers of the others.
+_WORDS = ("-blendu", "-blendv", "-boost", "-texres", "-clamp", "-imfchan", "-type", "-cc",
           "-colorspace")  # fmt: skip
-_NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
+_NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1}
 _READ_OPTIONS = ("-o", "-s", "-clamp")
+#: What is between words. Names may have other white space.
+_BLANKS = " \t\v\f"
+_WORD = re.compile(rf"[^{_BLANKS}]+")
+_STATEMENT = re.compile(rf"[{_BLANKS}]*([^{_BLANKS}]+)[{_BLANKS}]+([^{_BLANKS}].*)")
+_LINE_END = re.compile(r"\r\n?|\n")
+_CONTINUED = re.compile(rf"\\[{_BLANKS}]*(?:{_LINE_END.pattern})")
 #: A comment, which is no part of a name that has the sign inside.
-_COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
+_COMMENT = re.compile(rf"(?:^|(?<=[{_BLANKS}]))#.*")
 _SHOWN = 8  # statements in a warning
 
 
 def read_mtl(data: bytes, folder: Folder | None = None, where: str = "") -> dict[str, Material]:
-    """The materials of a library by name; one warning names the statements that are left out.
-    Images are files in `folder`. `where` names the library in warnings."""
+    """The materials of a library by name, as `as_name` has it; one warning names the statements
+    that are left out. Images are files in `folder`. `where` names the library in warnings."""
     found: dict[str, Material] = {}
     current = _Statements(Material(), folder, where)
     lost: dict[str, None] = {}
-    for raw in _lines(data):
-        words = raw.split()
-        if len(words) < 2:
-            continue
-        if words[0].lower() == "newmtl":
-            current = _Statements(Material(name=raw.split(None, 1)[1].strip()), folder, where)
-            found[current.material.name] = current.material
+    for word, rest in _statements(data):
+        if word.lower() == "newmtl":
+            current = _Statements(Material(name=shown_name(rest)), folder, where)
+            found[rest] = current.material
         else:
-            lost.update(dict.fromkeys(current.take(words[0], words[1:], raw)))
+            lost.update(dict.fromkeys(current.take(word, rest)))
     if lost:
         more = [f"and {len(lost) - _SHOWN} more"] if len(lost) > _SHOWN else []
-        sentence = f"{where}: left out: {', '.join([*list(lost)[:_SHOWN], *more])}"
-        warnings.warn(sentence, LoadWarning, stacklevel=7)
+        left_out = text_of(", ".join([*list(lost)[:_SHOWN], *more]))
+        warnings.warn(f"{where}: left out: {left_out}", LoadWarning, stacklevel=7)
     return found
 
 
 def map_names(data: bytes) -> list[str]:
     """The files of all maps of a library."""
-    every = (line.split() for line in _lines(data))
-    maps = (words for words in every if len(words) > 1 and words[0].lower().startswith(_ANY_MAP))
-    return [_options(words[1:])[1] for words in maps]
+    every = _statements(data)
+    return [_options(rest)[1] for word, rest in every if word.lower().startswith(_ANY_MAP)]
 
 
-def _lines(data: bytes) -> list[str]:
-    """The lines without comments."""
-    text = re.sub(r"\\[ \t]*\r?\n", " ", data.decode("utf-8-sig", "replace"))
-    return [_COMMENT.sub("", line) if "#" in line else line for line in text.splitlines()]
+def as_name(raw: bytes) -> str:
+    """A name, or a text with names, that keeps its bytes where they are no UTF-8, so that names are
+    equal if their bytes are, and files are found."""
+    return raw.decode("utf-8", "surrogateescape")
+
+
+def shown_name(name: str) -> str:
+    """The name as a text that can be stored: read as Latin-1 where it is no UTF-8."""
+    raw = name.encode("utf-8", "surrogateescape")
+    try:
+        return raw.decode()
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
+def words_of(text: str) -> list[str]:
+    """The words between blanks."""
+    return _WORD.findall(text)
+
+
+def _statements(data: bytes) -> Iterator[tuple[str, str]]:
+    """The first word of each line and what follows it, without comments."""
+    text = _CONTINUED.sub(" ", as_name(data.removeprefix(BOM)))
+    for line in _LINE_END.split(text):
+        found = _STATEMENT.match(_COMMENT.sub("", line) if "#" in line else line)
+        if found:
+            yield found[1], found[2].rstrip(_BLANKS)
 
 
 class _Statements:
@@ -73,14 +100,15 @@ class _Statements:
         self._folder, self._where = folder, where
         self._has_roughness = False  # of its own: then the exponent does not count
 
-    def take(self, word: str, words: list[str], line: str) -> list[str]:
+    def take(self, word: str, rest: str) -> list[str]:
         """Takes a statement, and gives what of it is left out."""
         key, material = word.lower(), self.material
-        if key == "d" and words[0] == "-halo":
-            return [*self.take(word, words[1:], line), "d -halo"]
-        values = _some_floats(words)
         if key in _MAPS:
-            return self._map(_MAPS[key], word, words, line)
+            return self._map(_MAPS[key], word, rest)
+        words = words_of(rest)
+        if key == "d" and words[:1] == ["-halo"]:
+            return [*self.take(word, " ".join(words[1:])), "d -halo"]
+        values = _some_floats(words)
         if key in _IDLE or (key == "ks" and values and max(values) == min(values) <= 0.5):
             return []  # gloss as it is without the statement, or less
         if key not in _VALUES or not values:
@@ -109,13 +137,13 @@ class _Statements:
             material.extensions["KHR_materials_ior"] = {"ior": values[0]}
         return []
 
-    def _map(self, slot: str, word: str, words: list[str], line: str) -> list[str]:
-        options, name = _options(words)
+    def _map(self, slot: str, word: str, rest: str) -> list[str]:
+        options, name = _options(rest)
         read = (*_READ_OPTIONS, "-bm") if slot == "normal" else _READ_OPTIONS
-        lost = [f"{word} {option}" for option in options if option not in read]
-        info: dict[str, Any] = {"uri": name, "line": line.strip()}
-        if slot == "normal" and "-bm" in options:
-            info["scale"] = float(_some_floats(options["-bm"])[0])
+        lost = [f"{word} {key}" for key, values in options.items() if key not in read or not values]
+        info: dict[str, Any] = {"uri": shown_name(name), "line": shown_name(f"{word} {rest}")}
+        if slot == "normal" and options.get("-bm"):
+            info["scale"] = float(options["-bm"][0])
         moved = _transform(options)
         if moved:
             info["extensions"] = {"KHR_texture_transform": moved}
@@ -136,22 +164,23 @@ class _Statements:
         return lost
 
 
-def _options(words: list[str]) -> tuple[dict[str, list[str]], str]:
-    """A map's options, and the name of its file, which may have blanks."""
+def _options(rest: str) -> tuple[dict[str, list[str]], str]:
+    """A map's options, and the name of its file, which may have blanks. An option lacks its values
+    where the file or another word stands in their place."""
     options: dict[str, list[str]] = {}
+    found = list(_WORD.finditer(rest))
+    words = [word.group() for word in found]
     at = 0
     while at < len(words) - 1:
         key = words[at].lower()
-        if key in _WORDS:
-            count = 1
-        elif key in _NUMBERS:
-            most = words[at + 1 : min(at + 1 + _NUMBERS[key], len(words) - 1)]
-            count = len(_some_floats(most))
-        else:
+        values = words[at + 1 : min(at + 1 + _NUMBERS.get(key, 1), len(words) - 1)]
+        if key in _NUMBERS:
+            values = values[: len(_some_floats(values))]
+        elif key not in _WORDS:
             break
-        options[key] = words[at + 1 : at + 1 + count]
-        at += 1 + count
-    name = " ".join(words[at:])
+        options[key] = values
+        at += 1 + len(values)
+    name = rest[found[at].start() :] if found else ""
     quoted = len(name) > 2 and name[0] == name[-1] == '"'
     return options, name[1:-1] if quoted else name
 
@@ -178,11 +207,12 @@ def _some_floats(words: list[str]) -> list[float]:
 
 
 def unique_names(materials: list[Material]) -> list[str]:
-    """A name that is one word and no comment for each, no two alike."""
+    """A name that is one word of a line, and no comment, for each, no two alike."""
     names: list[str] = []
     seen: set[str] = set()
     for k, material in enumerate(materials):
-        name = re.sub(r"\s+|^#", "_", material.name.strip()) or f"material_{k}"
+        # A backslash at the end would take the next line to this one.
+        name = re.sub(r"\s+|^#|\\$", "_", text_of(material.name).strip()) or f"material_{k}"
         while name in seen:
             name = f"{name}_{k}"
         seen.add(name)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from umbel.errors import Error
 from umbel.geometry.mesh import Material
 from umbel.io.obj.mtl import unique_names
+from umbel.io.side_names import SideNames
 from umbel.io.textures.images import TextureImage, mime_type
 
 _MAPS = {"base_color": "map_Kd", "emissive": "map_Ke", "normal": "norm"}
@@ -32,10 +33,15 @@ def readable(name: str) -> str:
     return re.sub(r"[^\w.-]+", "_", name).strip("-") or "_"
 
 
-class MtlWriter:
-    """A library beside an OBJ file `path`, named `stem`.mtl.
+def encoded(text: str) -> bytes:
+    """The bytes of a text in which names of files may be no text."""
+    return text.encode("utf-8", "surrogateescape")
 
-    `text` is the library, `files` are the images that belong beside it, `lost` says what it cannot
+
+class MtlWriter:
+    """A library beside an OBJ file `path`, and its images.
+
+    `files` are all of them by their names, `name` is the library's, `lost` says what it cannot
     hold. Where `flips`, the v of texture coordinates count from the image's top, and must be turned
     round for OBJ, which counts from the bottom.
     """
@@ -44,12 +50,18 @@ class MtlWriter:
         self.folder, self.stem = path.absolute().parent, readable(path.stem)
         self.names = unique_names(materials)
         self.files: dict[str, bytes] = {}
+        self.name = ""
         self.lost: list[str] = []
         images = [image for material in materials for image in material.images.values()]
         self.flips = bool(images) and not any(image.bottom_up for image in images)
+        beside = [self._name_beside(image) for image in images]
+        self._side_names = SideNames(path, filter(None, beside))
         self._named: dict[bytes, str] = {}
         written = [self._material(*one) for one in zip(materials, self.names, strict=True)]
-        self.text = "\n".join(written)
+        if written:
+            text = encoded("\n".join(written))
+            self.name = self._side_names.new(self.stem, ".mtl", [text])
+            self.files[self.name] = text
 
     def _material(self, material: Material, name: str) -> str:
         r, g, b, a = material.base_color
@@ -137,10 +149,16 @@ class MtlWriter:
         Image.fromarray(np.clip(np.rint(values), 0, 255).astype(np.uint8)).save(out, "PNG")
         return self._stored(out.getvalue(), f"{self._base(image, '')}_{kind}".strip("_"), ".png")
 
+    def _name_beside(self, image: TextureImage) -> str:
+        """That of the image's own file, where the library can name it."""
+        path = image.path
+        if path is None or path.absolute().parent != self.folder or not path.is_file():
+            return ""
+        return path.name if readable(path.name) == path.name else ""
+
     def _file(self, image: TextureImage, slot: str) -> str:
-        beside = image.path is not None and image.path.absolute().parent == self.folder
-        if image.path is not None and beside and readable(image.path.name) == image.path.name:
-            return image.path.name
+        if name := self._name_beside(image):
+            return name
         data = image.encoded()
         suffix = _SUFFIXES.get(mime_type(data))
         if suffix is None and image.path is not None and not mime_type(data):
@@ -159,10 +177,7 @@ class MtlWriter:
 
     def _stored(self, data: bytes, base: str, suffix: str) -> str:
         if data not in self._named:
-            name, k = f"{self.stem}_{base}{suffix}", 1
-            while name in self.files:
-                k += 1
-                name = f"{self.stem}_{base}_{k}{suffix}"
+            name = self._side_names.new(f"{self.stem}_{base}", suffix, [data])
             self.files[name] = data
             self._named[data] = name
         return self._named[data]

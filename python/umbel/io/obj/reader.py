@@ -15,7 +15,7 @@ from umbel.geometry.mesh import Float32Array, Material, Mesh, area_weighted_norm
 from umbel.io.colors import MOST_BRIGHT
 from umbel.io.files import text_of
 from umbel.io.folder import Folder
-from umbel.io.obj.mtl import read_mtl
+from umbel.io.obj.mtl import as_name, read_mtl, shown_name, words_of
 from umbel.io.scene import Instance, Scene, with_default
 
 
@@ -73,13 +73,13 @@ def materials_of(arrays: dict[str, Any], folder: Folder | None, where: str) -> l
     """The materials that `material_names` name, of the `libraries`."""
     library: dict[str, Material] = {}
     for text in dict.fromkeys(arrays["libraries"]):
-        library.update(_library(_text(text), folder, where))
-    names = [_text(name) for name in arrays["material_names"]]
-    missing = [repr(name) for name in names if name not in library] if library else []
+        library.update(_library(as_name(text), folder, where))
+    names = [as_name(name) for name in arrays["material_names"]]
+    missing = [repr(shown_name(n)) for n in names if n not in library] if library else []
     if missing:
         shown = ", ".join([*missing[:4], *(["..."] if len(missing) > 4 else [])])
         _warn(f"{where}: its libraries do not have {len(missing)} of its materials: {shown}")
-    return [library.get(name) or Material(name=name) for name in names]
+    return [library.get(name) or Material(name=shown_name(name)) for name in names]
 
 
 def _library(whole: str, folder: Folder | None, where: str) -> dict[str, Material]:
@@ -87,13 +87,13 @@ def _library(whole: str, folder: Folder | None, where: str) -> dict[str, Materia
     found: dict[str, Material] = {}
     if folder is None:
         return found
-    names = [whole] if _is_in(folder, whole) else whole.split()
+    names = [whole] if _is_in(folder, whole) else words_of(whole)
     if not any(_is_in(folder, name) for name in names):
         names = [whole]  # whose error is said
     for name in names:
         try:
             path = folder.find(name)
-            found.update(read_mtl(path.read_bytes(), folder.at(path.parent), str(path)))
+            found.update(read_mtl(path.read_bytes(), folder.at(path.parent), text_of(path)))
         except Error as error:
             _warn(f"{where}: no material library: {error}")
         except OSError as error:

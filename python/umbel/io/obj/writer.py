@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import warn_lost
 from umbel.geometry.mesh import Mesh
-from umbel.io.files import replacing, write_all
+from umbel.io.files import replacing_together
 from umbel.io.format_losses import attribute_losses, copyright_line
-from umbel.io.obj.mtl_writer import MtlWriter
+from umbel.io.obj.mtl_writer import MtlWriter, encoded
 
 _CHUNK = 1 << 16  # rows formatted at once
 
@@ -22,47 +22,50 @@ def write_obj(path: Path, mesh: Mesh) -> None:
     """Writes OBJ text with as many digits as give every float back to the bit, positions in the
     world, and beside it a .mtl and images if the mesh has materials. One warning names what OBJ
     cannot hold. Only texture coordinates that count from an image's top are turned round."""
-    materials = mesh.materials if mesh.material_ids is not None else []
-    library = MtlWriter(path, materials)
-    names, uvs = library.names, mesh.uvs
-    if uvs is not None and library.flips:
-        uvs = np.stack([uvs[:, 0], np.float32(1) - uvs[:, 1]], axis=1)
-    for name, data in library.files.items():
-        write_all(path.with_name(name), [data])
-    if materials:
-        write_all(path.with_name(f"{library.stem}.mtl"), [library.text.encode()])
+    library = MtlWriter(path, mesh.materials if mesh.material_ids is not None else [])
     lost = [*_losses(mesh), *library.lost]
     if lost:
         warn_lost(f"{path}: OBJ has no place for", lost, most=8)
-    with replacing(path) as file:
-        file.write(b"# written by umbel\n")
-        if not len(mesh.triangles):
-            file.write(b"# no faces\n")  # or readers would take the file for one that is cut short
-        if copyright_line(mesh):
-            file.write(f"# {copyright_line(mesh)}\n".encode())
-        if materials:
-            file.write(f"mtllib {library.stem}.mtl\n".encode())
-        points: NDArray[Any] = mesh.vertices
-        row = "v" + (" %.9g" if points.dtype == np.float32 else " %r") * 3
-        if mesh.colors is not None:
-            points = np.concatenate([points, mesh.colors[:, :3]], axis=1)
-            row += " %.9g %.9g %.9g"
-        _write_rows(file, row, points)
-        if uvs is not None:
-            _write_rows(file, "vt %.9g %.9g", uvs)
-        if mesh.normals is not None:
-            _write_rows(file, "vn %.9g %.9g %.9g", mesh.normals)
-        corner = {
-            (False, False): " %d",
-            (True, False): " %d/%d",
-            (False, True): " %d//%d",
-            (True, True): " %d/%d/%d",
-        }[mesh.uvs is not None, mesh.normals is not None]
-        faces = np.repeat(mesh.triangles.astype(np.int64) + 1, corner.count("%d"), axis=1)
-        for start, stop, material in _runs(mesh):
-            if material is not None and material < len(names):
-                file.write(f"usemtl {names[material]}\n".encode())
-            _write_rows(file, "f" + corner * 3, faces[start:stop])
+    with replacing_together() as opened:
+        for name, data in library.files.items():
+            with opened(path.with_name(name)) as file:
+                file.write(data)
+        with opened(path) as file:
+            _write(file, mesh, library)
+
+
+def _write(file: IO[bytes], mesh: Mesh, library: MtlWriter) -> None:
+    names, uvs = library.names, mesh.uvs
+    if uvs is not None and library.flips:
+        uvs = np.stack([uvs[:, 0], np.float32(1) - uvs[:, 1]], axis=1)
+    file.write(b"# written by umbel\n")
+    if not len(mesh.triangles):
+        file.write(b"# no faces\n")  # or readers would take the file for one that is cut short
+    if copyright_line(mesh):
+        file.write(f"# {copyright_line(mesh)}\n".encode())
+    if library.name:
+        file.write(encoded(f"mtllib {library.name}\n"))
+    points: NDArray[Any] = mesh.vertices
+    row = "v" + (" %.9g" if points.dtype == np.float32 else " %r") * 3
+    if mesh.colors is not None:
+        points = np.concatenate([points, mesh.colors[:, :3]], axis=1)
+        row += " %.9g %.9g %.9g"
+    _write_rows(file, row, points)
+    if uvs is not None:
+        _write_rows(file, "vt %.9g %.9g", uvs)
+    if mesh.normals is not None:
+        _write_rows(file, "vn %.9g %.9g %.9g", mesh.normals)
+    corner = {
+        (False, False): " %d",
+        (True, False): " %d/%d",
+        (False, True): " %d//%d",
+        (True, True): " %d/%d/%d",
+    }[mesh.uvs is not None, mesh.normals is not None]
+    faces = np.repeat(mesh.triangles.astype(np.int64) + 1, corner.count("%d"), axis=1)
+    for start, stop, material in _runs(mesh):
+        if material is not None and material < len(names):
+            file.write(f"usemtl {names[material]}\n".encode())
+        _write_rows(file, "f" + corner * 3, faces[start:stop])
 
 
 def _losses(mesh: Mesh) -> list[str]:

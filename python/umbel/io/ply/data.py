@@ -23,6 +23,7 @@ _TYPES = {
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 _BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+FIRST_LINE = re.compile(rb"ply[ \t]*(\r\n|\n|\r)")
 LONGEST_HEADER = 1 << 20
 
 
@@ -116,7 +117,7 @@ def read_header(data: bytes, where: str) -> tuple[str, list[Element], int, bytes
     """Byte order, elements, where the body begins, and the data, which begin with "ply" and end
     with a line's end."""
     data = data.removeprefix(BOM)
-    first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
+    first = FIRST_LINE.match(data)
     if not first:
         raise Error(f"{where} is no PLY file: it does not begin with 'ply'")
     newline = first.group(1)
@@ -128,8 +129,10 @@ def read_header(data: bytes, where: str) -> tuple[str, list[Element], int, bytes
         raise Error(f"{where} is cut short or corrupt: its header has no 'end_header'")
     byte_order = ""
     elements: list[Element] = []
-    for number, line in enumerate(data[first.end() : end.start()].decode("latin-1").splitlines()):
-        words, place = line.split(), f"{where}, line {number + 2}"
+    # As bytes: comments may be in any encoding, and other texts have more ends of lines.
+    for number, raw in enumerate(data[first.end() : end.start()].splitlines()):
+        words = [word.decode("utf-8", "backslashreplace") for word in raw.split()]
+        line, place = " ".join(words), f"{where}, line {number + 2}"
         if not words or words[0] in ("comment", "obj_info"):
             continue
         if words[0] == "format" and len(words) >= 2 and words[1] in _BYTE_ORDERS:

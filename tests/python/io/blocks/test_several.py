@@ -50,6 +50,48 @@ def test_meshes_keep_their_materials(tmp_path: Path) -> None:
     assert source.triangles.read(0, 6)["materials"].tolist() == [0, 1, 0, 1, 1, 1]
 
 
+def rich(x: float) -> umbel.Mesh:
+    mesh = square(x)
+    mesh.tree = {
+        "asset": {"copyright": "me"},
+        "scenes": [{"nodes": [0], "extras": {"a": 1}, "name": "hall"}],
+        "nodes": [{"name": "wall", "instances": [0, 1]}],
+    }
+    return mesh
+
+
+def test_the_scene_of_a_single_file_is_kept(tmp_path: Path) -> None:
+    umbel.save(tmp_path / "a.glb", rich(0))
+    tree = open_source(tmp_path / "a.glb", tmp_path / "work").tree
+    assert tree == umbel.load(tmp_path / "a.glb").tree
+    assert (tree["nodes"][0]["name"], tree["asset"]["copyright"]) == ("wall", "me")
+
+
+def test_what_is_lost_of_several_scenes_is_one_warning(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{k}.glb" for k in range(3)]
+    for k, path in enumerate(paths):
+        umbel.save(path, rich(k) if k else square(k))
+    with pytest.warns(umbel.LoadWarning) as caught:
+        source = open_source(paths, tmp_path / "work")
+    [said] = [str(warning.message) for warning in caught]
+    assert said.startswith(f"{paths[1]} and 1 more: left out, as all becomes one mesh: ")
+    nodes = "names, extras and extensions of nodes"
+    assert said.endswith(f"{nodes}; copyright; extras; names of the scene and its meshes")
+    assert source.tree == {}
+
+
+def test_files_outside_the_folder_are_read_where_that_is_allowed(tmp_path: Path) -> None:
+    umbel.save(tmp_path / "a.gltf", square(0))
+    (tmp_path / "in").mkdir()
+    path = tmp_path / "in" / "a.gltf"
+    path.write_text((tmp_path / "a.gltf").read_text().replace('"a.bin"', '"../a.bin"'))
+    with pytest.raises(umbel.Error, match="allow_outside=True"):
+        open_source(path, tmp_path / "work")
+    assert open_source(path, tmp_path / "work", allow_outside=True).triangles.triangles == 2
+    built = umbel.build_lod(path, unit_triangles=1000, allow_outside=True)
+    assert built.report["input_triangles"] == 2
+
+
 def skinned(x: float) -> umbel.Mesh:
     mesh = square(x)
     mesh.uvs = np.zeros((4, 2), np.float32)

@@ -53,6 +53,23 @@ def test_meshes_that_no_node_of_the_scene_has(tmp_path: Path) -> None:
     assert lost(tmp_path, b) == "2 meshes that are not drawn"
 
 
+def test_images_that_no_material_uses(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.root["images"] = [{"uri": "a.png"}]
+    b.root["textures"] = [{"source": 0}]
+    b.scene(b.node(mesh=b.tetra()))
+    assert lost(tmp_path, b) == "an image that is not used"
+
+
+def test_variants(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.root["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "red"}]}}
+    b.scene(b.node(mesh=b.tetra()))
+    assert lost(tmp_path, b) == "KHR_materials_variants"
+    with pytest.warns(LoadWarning):
+        assert "extensions" not in read(tmp_path, b).tree
+
+
 @pytest.mark.parametrize(
     ("sets", "names"),
     [

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import umbel
-from helpers.gltf_builder import GltfBuilder
+from helpers.gltf_builder import GltfBuilder, one, read, skinned
 from helpers.gltf_files import binary_of, json_of, validator_errors
 from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES, corners
 from umbel.io.gltf.attach import same_matrix
@@ -346,3 +348,72 @@ def test_an_assets_cameras_are_the_files(tmp_path: Path) -> None:
     (wanted,) = umbel.load(source).cameras
     assert np.allclose(shown.cameras[0].position, wanted.position)
     assert shown.cameras[0].fov_y == wanted.fov_y
+
+
+def test_a_lightmap_keeps_its_image(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    png = io.BytesIO()
+    Image.new("RGB", (4, 4)).save(png, "PNG")
+    b.root["images"] = [{"bufferView": b.view(png.getvalue()), "mimeType": "image/png"}]
+    b.root["textures"] = [{"source": 0}]
+    b.root["materials"] = [{"extensions": {"MOZ_lightmap": {"index": 0, "intensity": 0.5}}}]
+    arrays = {"POSITION": TETRA_POSITIONS, "TEXCOORD_0": TETRA_POSITIONS[:, :2].copy()}
+    b.scene(b.node(mesh=b.mesh(b.primitive(arrays, INDICES, material=0))))
+    root = json_of(extracted(saved(tmp_path, b), "off"))
+    lightmap = root["materials"][0]["extensions"]["MOZ_lightmap"]
+    assert lightmap == {"index": 0, "intensity": 0.5}
+    assert (len(root["textures"]), len(root["images"])) == (1, 1)
+
+
+def test_packets_of_materials_need_those_of_the_file(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    packet = {"KHR_xmp_json_ld": {"packet": 0}}
+    b.root["extensions"] = {"KHR_xmp_json_ld": {"packets": [{"dc:title": "a"}]}}
+    b.root["materials"] = [{"name": "wall", "extensions": packet}]
+    b.scene(b.node(mesh=b.mesh(b.primitive({"POSITION": TETRA_POSITIONS}, INDICES, material=0))))
+    mesh = umbel.load(saved(tmp_path, b))
+    umbel.save(tmp_path / "with.glb", mesh)
+    assert json_of(tmp_path / "with.glb")["materials"][0]["extensions"] == packet
+    mesh.tree = {}
+    umbel.save(tmp_path / "without.glb", mesh)
+    assert "extensions" not in json_of(tmp_path / "without.glb")["materials"][0]
+    assert mesh.materials[0].extensions == packet
+
+
+def test_extras_of_a_single_skin_are_kept(tmp_path: Path) -> None:
+    b = skinned()
+    b.root["skins"][0]["extras"] = {"rig": 1}
+    assert json_of(extracted(saved(tmp_path, b), "on"))["skins"][0]["extras"] == {"rig": 1}
+    b = two_skins()
+    for skin in b.root["skins"]:
+        skin["extras"] = {"rig": 1}
+    with pytest.warns(umbel.LoadWarning, match="the extras of skins, as they become one"):
+        extracted(saved(tmp_path, b), "on")
+
+
+def test_colours_outside_are_clamped_with_a_word(tmp_path: Path) -> None:
+    colors = np.ones((4, 4), np.float32)
+    colors[2, 0] = 2.5
+    mesh = umbel.Mesh(TETRA_POSITIONS, TETRA_TRIANGLES, colors=colors)
+    with pytest.warns(umbel.LoadWarning, match="colours outside 0 to 1, which become 0 or 1"):
+        umbel.save(tmp_path / "a.glb", mesh)
+    assert umbel.load(tmp_path / "a.glb").colors.max() == 1
+
+
+def test_missing_tangents_follow_the_uvs(tmp_path: Path) -> None:
+    flat = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    turned = np.float32([[1, 0], [1, 1], [0, 1], [0, 0]])  # u grows towards -y, v to +x
+    faces = np.uint16([0, 1, 2, 0, 2, 3])
+    up = np.tile(np.float32([0, 0, 1]), (4, 1))
+    tangents = np.tile(np.float32([1, 0, 0, 1]), (4, 1))
+    b = GltfBuilder()
+    arrays = {"POSITION": flat, "NORMAL": up, "TEXCOORD_0": flat[:, :2] * [1, -1]}
+    arrays["TEXCOORD_0"] = arrays["TEXCOORD_0"].astype(np.float32)
+    primitives = [
+        b.primitive({**arrays, "TANGENT": tangents}, faces),
+        b.primitive(arrays, faces),
+        b.primitive({**arrays, "TEXCOORD_0": turned}, faces),
+    ]
+    mesh = read(tmp_path, one(*primitives, builder=b))
+    assert np.allclose(mesh.tangents[4:8], tangents)
+    assert np.allclose(mesh.tangents[8:], [0, -1, 0, -1])

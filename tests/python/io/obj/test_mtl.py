@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 
 from umbel.errors import LoadWarning
 from umbel.io import load
+from umbel.io.blocks import open_source
 from umbel.io.references import references
 
 OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl {}\nf 1/1 2/1 3/1\n"
@@ -17,8 +19,8 @@ OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl {}\nf 1/1 2/1 3/1
 
 def read(tmp_path: Path, library: str, name: str = "m") -> tuple[Any, list[str]]:
     """The material, and what the warnings say."""
-    (tmp_path / "a.mtl").write_text(library)
-    (tmp_path / "a.obj").write_text(OBJ.format(name))
+    (tmp_path / "a.mtl").write_bytes(library.encode())
+    (tmp_path / "a.obj").write_bytes(OBJ.format(name).encode())
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         [material] = load(tmp_path / "a.obj").materials
@@ -57,7 +59,10 @@ def test_opacity_of_halos_is_opacity(tmp_path: Path) -> None:
     assert said.endswith("left out: d -halo")
 
 
-@pytest.mark.parametrize("name", ["wall#1.png", "two words.png", '"quoted name.png"'])
+@pytest.mark.parametrize(
+    "name",
+    ["wall#1.png", "two words.png", '"quoted name.png"', "two  blanks.png", "a\u3000b\u00a0.png"],
+)
 def test_names_of_images(tmp_path: Path, name: str) -> None:
     material, _ = read(tmp_path, f"newmtl m # a comment\nmap_Kd -s 2 2 {name} # another\n")
     assert material.textures["base_color"]["uri"] == name.strip('"')
@@ -78,3 +83,59 @@ def test_a_library_that_is_not_there_is_named_whole(tmp_path: Path) -> None:
         load(tmp_path / "a.obj")
     [warning] = caught
     assert "no material library: '../my wood.mtl' lies outside" in str(warning.message)
+
+
+@pytest.mark.parametrize("name", ["m\u00a0", "a\u3000b", "a\u0085b", "a\u2028b", "a  b", "a\x1cb"])
+def test_names_end_at_blanks_of_ascii_alone(tmp_path: Path, name: str) -> None:
+    material, said = read(tmp_path, f"newmtl {name}\nPr 0.25\n", name)
+    assert (material.name, material.roughness, said) == (name, 0.25, [])
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_end_as_they_do_anywhere(tmp_path: Path, end: str) -> None:
+    material, said = read(tmp_path, end.join(["newmtl m", "Kd 1 \\", "0 0", "Pr 0.25", ""]))
+    assert (material.base_color, material.roughness, said) == ((1, 0, 0, 1), 0.25, [])
+
+
+@pytest.mark.parametrize(
+    ("encoding", "names", "shown"),
+    [
+        ("gbk", ["屋", "门"], ["\xce\xdd", "\xc3\xc5"]),
+        ("latin-1", ["caf\xe9", "caf\xe8"], ["caf\xe9", "caf\xe8"]),
+        ("utf-8", ["caf\xe9", "门"], ["caf\xe9", "门"]),
+    ],
+)
+@pytest.mark.parametrize("in_parts", [False, True])
+def test_names_in_any_encoding_are_told_apart(
+    tmp_path: Path, encoding: str, names: list[str], shown: list[str], in_parts: bool
+) -> None:
+    first, second = names
+    library = f"newmtl {first}\nKd 1 0 0\nmap_Kd {first}.png\nnewmtl {second}\nKd 0 0 1\n"
+    lines = [OBJ.format(first), f"usemtl {second}\nf 3/1 2/1 1/1\n"]
+    image = tmp_path / os.fsdecode(f"{first}.png".encode(encoding))
+    image.write_bytes(b"an image")
+    (tmp_path / "a.mtl").write_bytes(library.encode(encoding))
+    path = tmp_path / "a.obj"
+    path.write_bytes("".join(lines).encode(encoding))
+    materials = open_source(path, tmp_path / "work").materials if in_parts else load(path).materials
+    assert [m.name for m in materials] == shown
+    assert [m.base_color[:3] for m in materials] == [(1, 0, 0), (0, 0, 1)]
+    assert materials[0].images["base_color"].encoded() == b"an image"
+    assert materials[0].textures["base_color"]["uri"] == f"{shown[0]}.png"
+
+
+@pytest.mark.parametrize(
+    ("line", "lost"),
+    [
+        ("map_bump -bm a.png", "map_bump -bm"),
+        ("map_bump -bm high a.png", "map_bump -bm"),
+        ("map_Kd -clamp a.png", "map_Kd -clamp"),
+        ("map_Kd -s a.png", "map_Kd -s"),
+        ("d -halo", "d, d -halo"),
+    ],
+)
+def test_statements_without_their_values_are_named(tmp_path: Path, line: str, lost: str) -> None:
+    material, said = read(tmp_path, f"newmtl m\n{line}\nPr 0.25\n")
+    assert said == [f"{tmp_path / 'a.mtl'}: left out: {lost}"]
+    assert material.roughness == 0.25
+    assert all(info["uri"].endswith("a.png") for info in material.textures.values())

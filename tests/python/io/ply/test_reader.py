@@ -58,6 +58,33 @@ def test_tetrahedron_is_read_in_every_format(tmp_path: Path, fmt: str, newline: 
     assert mesh.material_ids is None
 
 
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    "comment", ["made by \xc5ke".encode(), "\u5168\u666f".encode(), b"caf\xe9 \x85 \x1c \x1e \v\f"]
+)
+def test_comments_may_have_any_bytes(tmp_path: Path, comment: bytes, newline: str) -> None:
+    text = ply_bytes(
+        [("vertex", XYZ, rows(TETRA_POSITIONS)), ("face", FACE, faces(TETRA_TRIANGLES))],
+        "ascii",
+        newline,
+    ).replace(b"made for a test", comment)
+    assert comment in text
+    assert np.array_equal(read(tmp_path, text).triangles, TETRA_TRIANGLES)
+
+
+def test_names_of_properties_are_shown_as_text(tmp_path: Path) -> None:
+    vertices = [(*row, 0.5) for row in rows(TETRA_POSITIONS)]
+    properties = [
+        *XYZ,
+        ("float", "\xe0"),
+    ]
+    data = ply_bytes(
+        [("vertex", properties, vertices), ("face", FACE, faces(TETRA_TRIANGLES))], "ascii"
+    )
+    with pytest.warns(LoadWarning, match="left out: \xe0 of the element 'vertex'"):
+        assert len(read(tmp_path, data).triangles) == 4
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     polygons=st.lists(st.lists(st.integers(0, 9), max_size=7), max_size=12),

@@ -1,0 +1,46 @@
+"""Names for files that are written beside a mesh: buffers, material libraries, images."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from pathlib import Path
+
+from umbel.io.references import named_files
+
+
+class SideNames:
+    """Names of files beside `path`, which is about to be written: those that the file there now
+    names are replaced, others are not, unless they hold the same. `taken` are not given either."""
+
+    def __init__(self, path: Path, taken: Iterable[str] = ()) -> None:
+        self._path, self._taken = path, set(taken)
+
+    @cached_property
+    def _replaced(self) -> set[str]:
+        return named_files(self._path)
+
+    def new(self, stem: str, suffix: str, chunks: Sequence[bytes]) -> str:
+        """A name for a file of these bytes, with a number where `stem` is another's."""
+        name, number = f"{stem}{suffix}", 0
+        while name in self._taken or not self._is_free(name, chunks):
+            number += 1
+            name = f"{stem}_{number}{suffix}"
+        self._taken.add(name)
+        return name
+
+    def _is_free(self, name: str, chunks: Sequence[bytes]) -> bool:
+        path = self._path.with_name(name)
+        return not os.path.lexists(path) or _holds(path, chunks) or name in self._replaced
+
+
+def _holds(path: Path, chunks: Sequence[bytes]) -> bool:
+    """Whether a file is of these bytes."""
+    try:
+        if path.stat().st_size != sum(map(len, chunks)):
+            return False
+        with path.open("rb") as file:
+            return all(file.read(len(chunk)) == chunk for chunk in chunks)
+    except OSError:
+        return False
