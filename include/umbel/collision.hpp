@@ -10,6 +10,8 @@
 #include <array>
 #include <compare>
 #include <cstdint>
+#include <functional>
+#include <string_view>
 #include <vector>
 
 #include "umbel/triangle_bvh.hpp"
@@ -27,6 +29,8 @@ struct CollisionOptions {
   /// double. Corners are mapped in double and rounded to floats; the identity changes no bit.
   std::array<double, 12> second_to_first{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
   uint32_t threads = 0;  ///< most threads to use; 0: all cores
+  /// Of `collide`, as that of BuildOptions.
+  std::function<bool(float fraction, std::string_view stage)> progress = {};
 };
 
 /// Every pair of triangles that have a point in common, sorted, each once, by a traversal of both

@@ -42,7 +42,7 @@ class UMBEL_API DynamicTree {
  public:
   explicit DynamicTree(const CostModel& cost = {});  ///< no primitives
   ~DynamicTree();
-  DynamicTree(DynamicTree&&) noexcept;
+  DynamicTree(DynamicTree&&);  ///< may throw std::bad_alloc: what is moved from stays usable
   DynamicTree& operator=(DynamicTree&&) noexcept;
 
   /// Over boxes, which become primitives 0, 1, ..., by any builder. Throws as bvh::build does.

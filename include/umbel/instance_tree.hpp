@@ -41,8 +41,8 @@ struct InstanceStep {
 /// Selects from an asset's tree of instances, and keeps pages of it. Not for many threads at once.
 class UMBEL_API InstanceSelector {
  public:
-  /// Keeps at most about so many bytes of pages that the last step did not show. The asset must
-  /// have a tree, and outlive this. Throws what reading its nodes throws.
+  /// Keeps at most about so many bytes of pages that the last step did not show, or all where it
+  /// is 0. The asset must have a tree, and outlive this. Throws what reading its nodes throws.
   explicit InstanceSelector(const Asset& asset, size_t max_bytes = size_t{64} << 20);
   InstanceSelector(InstanceSelector&&) noexcept;
   InstanceSelector& operator=(InstanceSelector&&) noexcept;

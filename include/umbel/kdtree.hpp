@@ -134,7 +134,7 @@ class UMBEL_API KdTree : public TriangleQueries {
  public:
   KdTree();  ///< no triangles; every query misses
   ~KdTree() override;
-  KdTree(KdTree&&) noexcept;
+  KdTree(KdTree&&);  ///< may throw std::bad_alloc: what is moved from stays usable
   KdTree& operator=(KdTree&&) noexcept;
 
   /// `masks` is empty (all bits set) or one a triangle.

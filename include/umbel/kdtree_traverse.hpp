@@ -28,6 +28,16 @@ inline constexpr uint32_t kMaxDepth = 64;
 
 namespace detail {
 
+/// Whether a ray can meet anything.
+inline bool is_sound(const Ray& ray) {
+  const auto is_finite = [](const Vec3& v) {
+    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+  };
+  const Vec3& d = ray.direction;
+  return ray.t_min <= ray.t_max && !(d.x == 0 && d.y == 0 && d.z == 0) && is_finite(ray.origin) &&
+         is_finite(d);
+}
+
 /// Part of a ray; empty where from > to.
 struct RayPart {
   double from, to;
@@ -95,10 +105,7 @@ float traverse(const Tree& tree, const Ray& ray, Leaf&& leaf) {
     detail::RayPart part;
   };
   float limit = ray.t_max;
-  const Vec3 &o = ray.origin, &d = ray.direction;
-  if (tree.nodes.empty() || !(ray.t_min <= ray.t_max) || (d.x == 0 && d.y == 0 && d.z == 0) ||
-      !std::isfinite(o.x + o.y + o.z) || !std::isfinite(d.x + d.y + d.z))
-    return limit;
+  if (tree.nodes.empty() || !detail::is_sound(ray)) return limit;
   const detail::RayPlanes planes(ray);
   std::array<Entry, kMaxDepth + 1> stack;
   size_t waiting = 0;

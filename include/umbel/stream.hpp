@@ -17,6 +17,7 @@
 
 namespace umbel {
 
+/// In all whole numbers but `threads`, 0 is no limit.
 struct ResidencyConfig {
   /// Most bytes of pages in memory, counted as in the file. The pages of root groups always stay in
   /// memory and count.
@@ -138,7 +139,7 @@ class UMBEL_API Residency {
   ResidencyStatistics statistics() const;
   /// Tries again to load the pages of ResidencyStatistics::given_up.
   void retry_failed();
-  void set_budget(uint64_t bytes);
+  void set_budget(uint64_t bytes);  ///< as ResidencyConfig::budget_bytes
   /// Stops loading and waits for reads in progress. Pages in memory stay.
   void close();
 

@@ -42,7 +42,7 @@ class UMBEL_API Bvh : public TriangleQueries {
  public:
   Bvh();  ///< no triangles; every query misses
   ~Bvh() override;
-  Bvh(Bvh&&) noexcept;
+  Bvh(Bvh&&);  ///< may throw std::bad_alloc: what is moved from stays usable
   Bvh& operator=(Bvh&&) noexcept;
 
   /// Builds the tree with config.tree and widens it. `masks` is empty (all bits set) or one a

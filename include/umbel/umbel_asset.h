@@ -68,11 +68,12 @@ UMBEL_C_API umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_as
 /// Pages of an asset in memory. One thread at a time may use it. The asset must outlive it.
 typedef struct umbel_residency umbel_residency;
 
-/// How to stream. The defaults in brackets are those of umbel_residency_config_init.
+/// How to stream. The defaults in brackets are those of umbel_residency_config_init. In all whole
+/// numbers but `threads`, UMBEL_NO_LIMIT is no limit.
 typedef struct umbel_residency_config {
   uint32_t struct_size;
   uint32_t threads;             ///< that read and decode pages, at least 1 [2]
-  uint64_t budget_bytes;        ///< most bytes of pages in memory [256 MiB]; UMBEL_NO_LIMIT: all
+  uint64_t budget_bytes;        ///< most bytes of pages in memory [256 MiB]
   uint64_t bytes_per_step;      ///< most bytes taken over in a step, at least one page [8 MiB]
   uint32_t loads_in_flight;     ///< most pages requested and not arrived [8]
   uint32_t evictions_per_step;  ///< [64]
@@ -149,7 +150,8 @@ typedef struct umbel_cluster_geometry {
 } umbel_cluster_geometry;
 UMBEL_STRUCT_INIT(umbel_cluster_geometry)
 
-/// Decodes a cluster of the last cut. UMBEL_ERROR_INVALID_ARGUMENT for any other.
+/// Decodes a cluster of a page that is loaded, as those of the last cut are.
+/// UMBEL_ERROR_INVALID_ARGUMENT where it is not, or has no such cluster.
 UMBEL_C_API umbel_result umbel_residency_cluster(const umbel_residency* residency,
                                                  const umbel_stream_cluster* cluster,
                                                  umbel_cluster_geometry* geometry);

@@ -125,7 +125,8 @@ typedef struct umbel_transform {
 #define UMBEL_NONE 0xffffffffu
 
 /// "No limit", in every setting that limits a whole number: triangles, vertices, levels, bytes.
-/// UMBEL_NONE says the same. Settings that are floats have no limit where they are INFINITY.
+/// UMBEL_NONE says the same. Where a comment gives a range without 0, or another meaning of 0, that
+/// holds instead. Settings that are floats have no limit where they are INFINITY.
 #define UMBEL_NO_LIMIT 0u
 
 // ---- builds ------------------------------------------------------------------------------------

@@ -307,7 +307,8 @@ typedef struct umbel_bvh2_capacity {
 } umbel_bvh2_capacity;
 UMBEL_STRUCT_INIT(umbel_bvh2_capacity)
 
-/// How much room a tree over that many boxes or triangles needs. `config` may be NULL.
+/// How much room a tree over that many boxes or triangles needs. `config` may be NULL; one that
+/// umbel_bvh2_build refuses is refused here too.
 UMBEL_C_API umbel_result umbel_bvh2_requirements(size_t primitive_count,
                                                  const umbel_bvh_config* config,
                                                  umbel_bvh2_capacity* capacity);
@@ -390,7 +391,8 @@ UMBEL_STRUCT_INIT(umbel_kary)
 
 /// The clusters of k-means as they are, before they become a binary tree, by the kmeans_ settings,
 /// `max_leaf_size` and `drop_invalid` of `config`. umbel_bvh2_requirements says how large the
-/// arrays must be; results and failures are those of umbel_bvh2_build.
+/// arrays must be; results and failures are those of umbel_bvh2_build. So a `max_depth` that a
+/// balanced binary tree would exceed is refused, though it does not limit this tree.
 UMBEL_C_API umbel_result umbel_kary_build(const umbel_aabb* boxes, size_t box_count,
                                           const umbel_bvh_config* config,
                                           const umbel_build_options* options, umbel_kary* tree);

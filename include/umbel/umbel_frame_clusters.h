@@ -29,13 +29,17 @@ typedef struct umbel_frame_config {
   uint32_t method;         ///< an umbel_frame_method; default UMBEL_FRAME_HYBRID
   uint32_t max_triangles;  ///< of a cluster, from 1 (hybrid: 2) to 512; default 128
   uint32_t min_triangles;  ///< hybrid: from 1 to max_triangles / 2; 0, the default: a quarter
-  uint32_t max_vertices;   ///< of a cluster, from 3 to 256; 0, the default: no limit
+  uint32_t max_vertices;   ///< of a cluster, from 3 to 256; default UMBEL_NO_LIMIT
   float underfill_cost;    ///< hybrid: penalty for missing triangles, from 0 to 4; default 1
   uint32_t code_bits;      ///< of Morton codes: 30, 63, or 0, the default: by the number
 } umbel_frame_config;
 
-/// Sets the defaults.
-UMBEL_C_API void umbel_frame_config_init(umbel_frame_config* config);
+/// Sets the first `size` bytes of a config to the defaults.
+UMBEL_C_API void umbel_frame_config_init_sized(umbel_frame_config* config, size_t size);
+
+static inline void umbel_frame_config_init(umbel_frame_config* config) {
+  umbel_frame_config_init_sized(config, sizeof *config);
+}
 
 /// Most clusters that so many triangles can give.
 UMBEL_C_API umbel_result umbel_frame_max_clusters(uint32_t triangles,
@@ -72,6 +76,7 @@ UMBEL_C_API umbel_result umbel_frame_clusterer_refit(umbel_frame_clusterer* clus
                                                      size_t position_count, size_t position_stride,
                                                      const umbel_build_options* options);
 /// Refits, and rebuilds up to `clusters` of those whose areas have grown by the largest factors.
+/// UMBEL_ERROR_INVALID_ARGUMENT with max_vertices.
 UMBEL_C_API umbel_result umbel_frame_clusterer_rebuild_worst(
     umbel_frame_clusterer* clusterer, const umbel_vec3* positions, size_t position_count,
     size_t position_stride, uint32_t clusters, const umbel_build_options* options);

@@ -39,8 +39,8 @@ UMBEL_C_API int umbel_asset_has_instance_tree(const umbel_asset* asset);
 /// asset must outlive it.
 typedef struct umbel_instance_selector umbel_instance_selector;
 
-/// Keeps at most about `max_bytes` of pages that the last step did not show. Reads the tree's
-/// nodes. UMBEL_ERROR_INVALID_ARGUMENT where the asset has no tree.
+/// Keeps at most about `max_bytes` of pages that the last step did not show (UMBEL_NO_LIMIT: all).
+/// Reads the tree's nodes. UMBEL_ERROR_INVALID_ARGUMENT where the asset has no tree.
 UMBEL_C_API umbel_result umbel_instance_selector_create(const umbel_asset* asset, size_t max_bytes,
                                                         umbel_instance_selector** selector);
 UMBEL_C_API void umbel_instance_selector_free(umbel_instance_selector* selector);

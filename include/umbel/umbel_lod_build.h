@@ -114,7 +114,7 @@ typedef struct umbel_lod_config {
   uint32_t struct_size;
   uint32_t max_triangles;     ///< [128] a cluster, 4..256; UMBEL_NO_LIMIT: 256
   uint32_t max_vertices;      ///< [128] a cluster, 6..256; UMBEL_NO_LIMIT: 256
-  uint32_t min_group;         ///< [24] clusters that are simplified together
+  uint32_t min_group;         ///< [24] clusters that are simplified together, at least 2
   uint32_t max_group;         ///< [32] at most 1024
   float ratio;                ///< [0.5] triangles that each level keeps, in [0.1, 0.9]
   float position_step;        ///< [0] positions are snapped to multiples of this power of two

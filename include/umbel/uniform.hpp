@@ -23,7 +23,7 @@ using kdtree::Statistics;
 class UMBEL_API UniformStructure : public TriangleQueries {
  public:
   ~UniformStructure() override;
-  UniformStructure(UniformStructure&& other) noexcept;
+  UniformStructure(UniformStructure&& other);  ///< may throw std::bad_alloc
   UniformStructure& operator=(UniformStructure&& other) noexcept;
 
   Statistics statistics() const;

@@ -52,6 +52,8 @@ class PythonSource : public ByteSource {
         return;
       }
       problem = "gave " + std::to_string(bytes.size()) + " bytes";
+    } catch (const nb::python_error& error) {
+      problem = "failed: " + sentence_of(error);
     } catch (const std::exception& error) {
       problem = std::string("failed: ") + error.what();
     }

@@ -46,6 +46,12 @@ Dict dict_of(Mesh&& mesh) {
   return result;
 }
 
+std::string sentence_of(const nb::python_error& error) {
+  if (!error.matches(PyExc_Exception)) throw;
+  const std::string kind = nb::str(error.type().attr("__name__")).c_str();
+  return kind + ": " + nb::str(error.value()).c_str();
+}
+
 bool PythonProgress::report(float fraction, std::string_view stage) {
   using std::chrono::steady_clock;
   const auto now = steady_clock::now();

@@ -44,6 +44,9 @@ template <typename Scalar>
 using Array = nb::ndarray<nb::numpy, Scalar>;
 using Dict = nb::typed<nb::dict, nb::str, nb::any>;
 
+/// What was raised, as "ValueError: ...". Rethrows what is no Exception, such as an interrupt.
+std::string sentence_of(const nb::python_error& error);
+
 /// Fields of a struct to a dict, under their names: PUT_FIELDS(dict, tree, nodes, leaves).
 #define PUT_FIELDS(dict, from, ...) UMBEL_EACH_FIELD(UMBEL_PUT_FIELD, dict, from, __VA_ARGS__)
 #define UMBEL_PUT_FIELD(dict, from, field) (dict)[#field] = (from).field

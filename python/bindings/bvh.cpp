@@ -260,11 +260,12 @@ void bind_collisions(nb::class_<Bvh, TriangleQueries>& bvh) {
          "collide",
          [](const Bvh& self, const Bvh& other, const std::array<double, 12>& rows,
             uint32_t threads) {
-           std::vector<TrianglePair> pairs;
-           {
-             nb::gil_scoped_release release;
-             pairs = collide(self, other, collision_options(rows, threads));
-           }
+           // Without a function to call, so that an interrupt ends it.
+           auto pairs = run(nb::none(), threads, [&](const BuildOptions& options) {
+             CollisionOptions how = collision_options(rows, threads);
+             how.progress = options.progress;
+             return collide(self, other, how);
+           });
            return take<int32_t>(std::move(pairs));
          },
          "other"_a, "second_to_first"_a, "threads"_a = 0)

@@ -4,6 +4,8 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
 
+#include "base/parallel.hpp"
+#include "base/srgb.hpp"
 #include "bind.hpp"
 
 namespace umbel::python {
@@ -61,6 +63,16 @@ void bind_shapes(nb::module_& module) {
       "subdivisions"_a, "seed"_a = 1);
 }
 
+// A function of every value.
+Array<float> each(const Flat<float>& values, float (*function)(float)) {
+  std::vector<float> out(values.size());
+  {
+    const nb::gil_scoped_release release;
+    parallel_for(out.size(), 4096, [&](size_t i) { out[i] = function(values.data()[i]); });
+  }
+  return take<float>(std::move(out));
+}
+
 }  // namespace
 
 /// Over 60 lines: a list of methods.
@@ -111,6 +123,12 @@ void bind_mesh(nb::module_& module) {
       "Equal vertices become one, unused ones go; triangles keep their order.");
   module.def("snap_to_grid", &snapped, "positions"_a, "step"_a,
              "(positions rounded to multiples of step, largest distance moved)");
+  module.def(
+      "from_srgb", [](const Flat<float>& values) { return each(values, from_srgb); }, "values"_a,
+      "(n,) linear values of those of sRGB");
+  module.def(
+      "to_srgb", [](const Flat<float>& values) { return each(values, to_srgb); }, "values"_a,
+      "(n,) the inverse of from_srgb");
   module.def("rounding_loss", &loss_of, "world"_a, "origin"_a, "rounded"_a, "triangles"_a,
              "(largest move of a vertex, triangles that lost their area)");
   module.def("bounds", &bounds_of, "mesh"_a, "((x, y, z), (x, y, z)), or None if empty");

@@ -50,7 +50,7 @@ io::Column column_of(const std::map<std::string, ColumnArguments>& columns, cons
 uint32_t add_part(io::TableLayout& layout, const std::string& name,
                   const std::map<std::string, ColumnArguments>& columns, uint64_t triangles,
                   std::optional<uint32_t> material, uint32_t default_material, float color_divisor,
-                  const std::optional<std::array<double, 12>>& transform,
+                  bool srgb_colors, const std::optional<std::array<double, 12>>& transform,
                   const std::vector<ExtraArguments>& extras) {
   io::TablePart part;
   part.name = name;
@@ -69,6 +69,7 @@ uint32_t add_part(io::TableLayout& layout, const std::string& name,
   part.material = material.value_or(0);
   part.default_material = default_material;
   part.color_divisor = color_divisor;
+  part.are_colors_srgb = srgb_colors;
   part.transform = transform;
   layout.has_materials |= material.has_value() || part.materials.is_there();
   layout.parts.push_back(std::move(part));
@@ -124,10 +125,9 @@ class CalledSource final : public io::TriangleSource {
       return block;
     } catch (const nb::python_error& error) {
       // Blocks are read by other threads, too, which must not keep objects of Python.
-      const std::string kind = nb::str(error.type().attr("__name__")).c_str();
-      throw Error(ErrorCode::kInvalidArgument,
-                  "triangles [" + std::to_string(begin) + ", " + std::to_string(end) +
-                      ") cannot be had: " + kind + ": " + nb::str(error.value()).c_str());
+      throw Error(ErrorCode::kInvalidArgument, "triangles [" + std::to_string(begin) + ", " +
+                                                   std::to_string(end) +
+                                                   ") cannot be had: " + sentence_of(error));
     }
   }
 
@@ -351,7 +351,7 @@ void bind_source(nb::module_& module) {
            "Writes an OBJ file as tables, and adds those.")
       .def("add_part", &add_part, "name"_a, "columns"_a, "triangles"_a = 0,
            "material"_a = nb::none(), "default_material"_a = kNone, "color_divisor"_a = 1.0f,
-           "transform"_a = nb::none(), "extras"_a = nb::make_tuple());
+           "srgb_colors"_a = false, "transform"_a = nb::none(), "extras"_a = nb::make_tuple());
   nb::class_<io::TableSource, io::TriangleSource>(module, "TableSource")
       .def(nb::init<io::TableLayout>(), "layout"_a)
       .def("files", &io::TableSource::files, "begin"_a, "end"_a,

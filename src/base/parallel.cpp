@@ -5,10 +5,20 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_invoke.h>
 #include <tbb/task_arena.h>
+#include <tbb/task_group.h>
 
 #include <algorithm>
 
 namespace umbel {
+namespace {
+
+// Inside a loop that another thread has ended by an exception, loops end early too, and what
+// follows must not use what they have not made. oneTBB keeps the first exception.
+void throw_if_cancelled() {
+  if (tbb::is_current_task_group_canceling()) throw Error(ErrorCode::kCancelled, "cancelled");
+}
+
+}  // namespace
 
 void with_threads(uint32_t threads, const std::function<void()>& work) {
   if (threads == 0) {
@@ -27,13 +37,22 @@ size_t usable_threads() { return static_cast<size_t>(tbb::this_task_arena::max_c
 
 void detail::run_ranges(size_t count, size_t grain, RangeBody body) {
   tbb::parallel_for(tbb::blocked_range<size_t>(0, count, grain),
-                    [body](const tbb::blocked_range<size_t>& range) {
-                      body.run(body.body, range.begin(), range.end());
+                    [body, grain](const tbb::blocked_range<size_t>& range) {
+                      // A range may be long, and another thread may have thrown: a cancelled build
+                      // ends soon.
+                      for (size_t begin = range.begin(); begin != range.end();) {
+                        if (tbb::is_current_task_group_canceling()) return;
+                        const size_t end = begin + std::min(grain, range.end() - begin);
+                        body.run(body.body, begin, end);
+                        begin = end;
+                      }
                     });
+  throw_if_cancelled();
 }
 
 void detail::run_tasks(Task first, Task second) {
   tbb::parallel_invoke([first] { first.run(first.body); }, [second] { second.run(second.body); });
+  throw_if_cancelled();
 }
 
 }  // namespace umbel

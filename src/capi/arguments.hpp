@@ -11,6 +11,14 @@
 
 namespace umbel::capi {
 
+/// Throws where 32-bit indices cannot name so many elements: before any size is multiplied. The
+/// last index is kNone, "no such element".
+inline void check_nameable(size_t count, const char* name) {
+  if (count >= kNone)
+    throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(count) +
+                                                 ", more than 32-bit indices can name");
+}
+
 /// `count` elements of the caller's array; throws if that is NULL and `count` is not 0.
 template <typename To, typename From>
 std::span<To> elements(From* array, size_t count, const char* name) {
@@ -45,7 +53,10 @@ std::span<const To> strided(const From* array, size_t count, size_t stride, cons
 }
 
 /// A limit as the library has it: 0 where there is none.
-inline uint32_t limit(uint32_t given) { return given == kNone ? 0 : given; }
+template <typename Number>
+Number limit(Number given) {
+  return given == kNone ? 0 : given;
+}
 
 /// Throws if an argument that must be there is not.
 template <typename T>

@@ -87,11 +87,13 @@ std::vector<umbel_page_group> groups_of(const AssetPage& page) {
   return groups;
 }
 
-StreamView stream_view(const umbel_stream_view& given) {
+StreamView stream_view(const umbel_stream_view* views, size_t index) {
+  const umbel_stream_view& given = views[index];
   StreamView view;
   view.mesh = given.mesh;
   view.view = view_of(&given.view);
-  const auto planes = elements<const Plane>(given.planes, given.plane_count, "views[i].planes");
+  const std::string name = "views[" + std::to_string(index) + "].planes";
+  const auto planes = elements<const Plane>(given.planes, given.plane_count, name.c_str());
   view.planes.assign(planes.begin(), planes.end());
   return view;
 }
@@ -109,12 +111,13 @@ ResidencyConfig residency_config(const umbel_residency_config* given) {
   ResidencyConfig config;
   if (!given) return config;
   const umbel_residency_config in = read_struct(given, "config", defaults_of_residency());
-  COPY_FIELDS(config, in, bytes_per_step, loads_in_flight, evictions_per_step, groups_per_step,
-              hysteresis, attempts, backoff_seconds, slow_seconds);
+  COPY_FIELDS(config, in, loads_in_flight, evictions_per_step, groups_per_step, hysteresis,
+              attempts, backoff_seconds, slow_seconds);
   // Half of what a number can be, so that sums of it and of pages are numbers too.
   config.budget_bytes = in.budget_bytes == UMBEL_NO_LIMIT || in.budget_bytes == UMBEL_NONE
                             ? std::numeric_limits<uint64_t>::max() / 2
                             : in.budget_bytes;
+  config.bytes_per_step = limit(in.bytes_per_step);
   config.threads = std::max(in.threads, 1u);
   return config;
 }
@@ -182,7 +185,7 @@ umbel_result umbel_residency_step(umbel_residency* residency, const umbel_stream
     struct_size_of(step, "step", sizeof(umbel_stream_step));
     if (view_count > 0) required(views, "views");
     std::vector<StreamView> all;
-    for (size_t i = 0; i < view_count; ++i) all.push_back(stream_view(views[i]));
+    for (size_t i = 0; i < view_count; ++i) all.push_back(stream_view(views, i));
     const StreamStep made = r.step(all, seconds);
     const ResidencyStatistics said = r.statistics();
     umbel_stream_step out{};
@@ -220,7 +223,8 @@ umbel_result umbel_residency_cluster(const umbel_residency* residency,
     const auto page = r.residency.page(c.page);
     if (!page || c.group >= page->groups.size() ||
         c.cluster >= page->groups[c.group].clusters.size())
-      throw Error(ErrorCode::kInvalidArgument, "the cluster is not of the last cut");
+      throw Error(ErrorCode::kInvalidArgument,
+                  "the cluster's page is not loaded, or has no such cluster");
     const lod::ClusterGeometry made = r.asset.decode(*page, c.group)[c.cluster];
     out.vertex_count = static_cast<uint32_t>(made.positions.size());
     out.triangle_count = static_cast<uint32_t>(made.triangles.size() / 3);

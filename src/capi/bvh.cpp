@@ -6,6 +6,7 @@
 
 #include "base/fields.hpp"
 #include "bvh/tree/check.hpp"
+#include "bvh/tree/config.hpp"
 #include "capi/bvh2_output.hpp"
 #include "capi/bvh_input.hpp"
 #include "capi/cluster_input.hpp"
@@ -93,16 +94,13 @@ void set_tree(umbel_bvh_config* config, const bvh::Config& tree) {
 }
 
 umbel_bvh2_capacity requirements(size_t primitive_count, const bvh::Config& config) {
-  if (primitive_count >= kNone)
-    throw Error(ErrorCode::kInvalidArgument, "primitive_count is " +
-                                                 std::to_string(primitive_count) +
-                                                 ", more than 32-bit indices can name");
+  check_nameable(primitive_count, "primitive_count");
+  bvh::check_config(config, primitive_count);
   umbel_bvh2_capacity result{};
   result.primitives = primitive_count;
   if (config.builder == bvh::Builder::kSpatial)
-    result.primitives += static_cast<size_t>(double(primitive_count) *
-                                             std::clamp(double(config.spatial_budget), 0.0, 4.0)) +
-                         1;
+    result.primitives +=
+        static_cast<size_t>(double(primitive_count) * double(config.spatial_budget)) + 1;
   result.nodes = result.primitives == 0 ? 0 : 2 * result.primitives - 1;
   return result;
 }

@@ -65,11 +65,7 @@ Simd simd_of(uint32_t simd) {
 
 BvhMesh bvh_mesh(const umbel_bvh_mesh* mesh) {
   const umbel_bvh_mesh given = read_struct(mesh, "mesh");
-  // Before any size is multiplied. The last index is kNone, "no such triangle".
-  if (given.triangle_count >= kNone)
-    throw Error(ErrorCode::kInvalidArgument, "mesh->triangle_count is " +
-                                                 std::to_string(given.triangle_count) +
-                                                 ", more than 32-bit indices can name");
+  check_nameable(given.triangle_count, "mesh->triangle_count");
   BvhMesh result;
   result.view.positions = strided(given.positions, given.position_count, given.position_stride,
                                   "mesh->positions", result.copied_positions);

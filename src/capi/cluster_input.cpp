@@ -64,10 +64,7 @@ Clusters given_clusters(const umbel_cluster_output* clusters) {
 }
 
 ItemCounts::ItemCounts(const umbel_cluster_input& in) : items(in.item_count) {
-  // Before any size is multiplied. The last index is kNone, "no such element".
-  if (in.item_count >= kNone)
-    bad_argument("input->item_count is " + std::to_string(in.item_count) +
-                 ", more than 32-bit indices can name");
+  check_nameable(in.item_count, "input->item_count");
   has_segments = in.segments != nullptr;
   segments = view<Range>(in.segments, in.segment_count, "input->segments");
 }

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <limits>
 
 #include "base/fields.hpp"
@@ -35,16 +34,10 @@ Function called(Function function, const char* name) {
   throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is NULL");
 }
 
-bool is_sound(const Ray& ray) {
-  const Vec3 &o = ray.origin, &d = ray.direction;
-  return ray.t_min <= ray.t_max && !(d.x == 0 && d.y == 0 && d.z == 0) &&
-         std::isfinite(o.x + o.y + o.z) && std::isfinite(d.x + d.y + d.z);
-}
-
 /// Calls hit() for the primitives whose boxes a ray meets, and returns the last limit.
 template <typename HitTest>
 float traverse_ray(const DynamicTree& tree, const Ray& ray, const HitTest& hit) {
-  if (!is_sound(ray)) return ray.t_max;
+  if (!kdtree::detail::is_sound(ray)) return ray.t_max;
   const kdtree::detail::RayPlanes planes(ray);
   const double last = bvh::traverse_ordered(
       tree,

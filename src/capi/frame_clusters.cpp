@@ -5,6 +5,7 @@
 #include "capi/cluster_input.hpp"
 #include "capi/frame_input.hpp"
 #include "capi/hand_out.hpp"
+#include "capi/structs.hpp"
 
 /// What a C caller holds.
 struct umbel_frame_clusterer {
@@ -39,15 +40,11 @@ umbel_result each_frame(umbel_frame_clusterer* clusterer, const umbel_vec3* posi
 }  // namespace
 
 FrameClusterConfig frame_config(const umbel_frame_config* given) {
-  const umbel_frame_config& c = required(given, "config");
-  if (c.struct_size != sizeof c)
-    throw Error(ErrorCode::kUnsupported,
-                "config has a struct_size of " + std::to_string(c.struct_size) + ", not " +
-                    std::to_string(sizeof c) + ": umbel_frame_config_init sets it");
+  const umbel_frame_config c = read_struct(given, "config");
   return {static_cast<FrameMethod>(c.method),
           c.max_triangles,
           c.min_triangles,
-          c.max_vertices,
+          limit(c.max_vertices),
           c.underfill_cost,
           c.code_bits};
 }
@@ -56,13 +53,16 @@ FrameClusterConfig frame_config(const umbel_frame_config* given) {
 
 using namespace umbel::capi;
 
-void umbel_frame_config_init(umbel_frame_config* config) {
-  if (!config) return;
+void umbel_frame_config_init_sized(umbel_frame_config* config, size_t size) {
   const umbel::FrameClusterConfig defaults;
-  *config = {sizeof *config,         static_cast<uint32_t>(defaults.method),
-             defaults.max_triangles, defaults.min_triangles,
-             defaults.max_vertices,  defaults.underfill_cost,
-             defaults.code_bits};
+  const umbel_frame_config all{sizeof all,
+                               static_cast<uint32_t>(defaults.method),
+                               defaults.max_triangles,
+                               defaults.min_triangles,
+                               defaults.max_vertices,
+                               defaults.underfill_cost,
+                               defaults.code_bits};
+  init_sized(config, size, all);
 }
 
 umbel_result umbel_frame_max_clusters(uint32_t triangles, const umbel_frame_config* config,
@@ -76,6 +76,7 @@ umbel_result umbel_frame_clusterer_create(const uint32_t* indices, size_t triang
                                           size_t vertices, const umbel_frame_config* config,
                                           umbel_frame_clusterer** clusterer) {
   return hand_out(clusterer, "clusterer", [&] {
+    check_nameable(triangles, "triangles");
     const auto all = elements<const uint32_t>(indices, 3 * triangles, "indices");
     const std::span<const umbel::Triangle> of_mesh{
         reinterpret_cast<const umbel::Triangle*>(all.data()), all.size() / 3};

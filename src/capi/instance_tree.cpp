@@ -69,7 +69,7 @@ umbel_result umbel_instance_selector_create(const umbel_asset* asset, size_t max
                                             umbel_instance_selector** selector) {
   return hand_out(selector, "selector", [&] {
     const Asset& a = required(asset, "asset").asset;
-    return umbel_instance_selector{a, InstanceSelector(a, max_bytes)};
+    return umbel_instance_selector{a, InstanceSelector(a, limit(max_bytes))};
   });
 }
 

@@ -1,6 +1,7 @@
 // Continuous level of detail from C (umbel_lod.h): building, saving, checking, selecting. The
 // structs of umbel_lod.h stand for the C++ ones in arrays; only tables are copied.
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <numeric>
@@ -95,6 +96,26 @@ std::vector<uint32_t> select_by(umbel_lod_method method, const lod::Tables& tabl
 Vec3 point(const float* values, const char* name) {
   required(values, name);
   return {values[0], values[1], values[2]};
+}
+
+bool is_finite(const Transform& transform) {
+  return std::ranges::all_of(transform.rows, [](float value) { return std::isfinite(value); });
+}
+
+const Transform& transform_of(const umbel_transform* given) {
+  const Transform& transform = elements<const Transform>(given, 1, "transform")[0];
+  if (is_finite(transform)) return transform;
+  throw Error(ErrorCode::kInvalidArgument, "transform has a NaN or infinite value");
+}
+
+std::span<const Transform> transforms_of(const umbel_transform* instances, size_t count) {
+  check_nameable(count, "instance_count");
+  const auto all = elements<const Transform>(instances, count, "instances");
+  for (size_t i = 0; i < all.size(); ++i)
+    if (!is_finite(all[i]))
+      throw Error(ErrorCode::kInvalidArgument,
+                  "instances[" + std::to_string(i) + "] has a NaN or infinite value");
+  return all;
 }
 
 template <typename To, typename From>
@@ -341,8 +362,7 @@ umbel_result umbel_lod_frustum(const float eye[3], const float target[3], const 
 umbel_result umbel_lod_view_in_instance(const umbel_lod_view* view,
                                         const umbel_transform* transform, umbel_lod_view* result) {
   return capi::guard([&] {
-    const auto one = capi::elements<const Transform>(transform, 1, "transform");
-    capi::write(lod::to_object(capi::view_of(view), one[0]), result);
+    capi::write(lod::to_object(capi::view_of(view), capi::transform_of(transform)), result);
   });
 }
 
@@ -350,9 +370,8 @@ umbel_result umbel_lod_plane_in_instance(const umbel_plane* plane, const umbel_t
                                          umbel_plane* result) {
   return capi::guard([&] {
     const auto given = capi::elements<const Plane>(plane, 1, "plane");
-    const auto one = capi::elements<const Transform>(transform, 1, "transform");
     const auto to = capi::elements<Plane>(result, 1, "result");
-    to[0] = lod::to_object(given[0], one[0]);
+    to[0] = lod::to_object(given[0], capi::transform_of(transform));
   });
 }
 
@@ -372,7 +391,7 @@ umbel_result umbel_lod_select_instances(const umbel_lod_tables* tables, const um
                                         uint32_t* offsets, uint32_t* clusters, size_t capacity,
                                         size_t* count) {
   return capi::guard([&] {
-    const auto transforms = capi::elements<const Transform>(instances, instance_count, "instances");
+    const auto transforms = capi::transforms_of(instances, instance_count);
     const lod::InstanceCuts cuts =
         lod::select_instances(capi::required(tables, "tables").tables, capi::view_of(view),
                               capi::culling_of(culling), transforms);
@@ -390,11 +409,10 @@ umbel_result umbel_lod_view_for_budget(const umbel_lod_tables* tables, const umb
   return capi::guard([&] {
     const lod::Tables& given = capi::required(tables, "tables").tables;
     const capi::Budget wanted = capi::budget_of(given, budget);
-    capi::write(
-        lod::view_for_budget(
-            given, capi::view_of(view), wanted.costs, wanted.limit, capi::culling_of(culling),
-            capi::elements<const Transform>(instances, instance_count, "instances")),
-        result);
+    capi::write(lod::view_for_budget(given, capi::view_of(view), wanted.costs, wanted.limit,
+                                     capi::culling_of(culling),
+                                     capi::transforms_of(instances, instance_count)),
+                result);
   });
 }
 
@@ -409,7 +427,7 @@ umbel_result umbel_lod_select_for_budget(const umbel_lod_tables* tables, const u
     const capi::Budget wanted = capi::budget_of(given, budget);
     const lod::BudgetCuts made = lod::select_for_budget(
         given, capi::view_of(view), wanted.costs, wanted.limit, capi::culling_of(culling),
-        capi::elements<const Transform>(instances, instance_count, "instances"));
+        capi::transforms_of(instances, instance_count));
     if (cost) *cost = made.cost;
     const auto room = capi::elements<uint32_t>(offsets, made.cuts.offsets.size(), "offsets");
     capi::hand_out_all(made.cuts.clusters, clusters, "clusters", capacity, count);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "base/parallel.hpp"
+#include "bvh/tree/config.hpp"
 #include "kdtree/builders.hpp"
 #include "kdtree/clip.hpp"
 #include "query/leaf_lists.hpp"
@@ -34,20 +35,13 @@ void check_range(const char* name, Number value, Number low, Number high) {
                                                shortest(high));
 }
 
-void check_cost(const char* name, float value) {
-  if (value > 0 && std::isfinite(value)) return;
-  throw Error(ErrorCode::kInvalidArgument,
-              std::string(name) + " is " + shortest(value) + ", but must be positive and finite");
-}
-
 void check_config(const Config& c) {
   if (static_cast<size_t>(c.builder) >= kNames.size())
     throw Error(ErrorCode::kInvalidArgument,
                 "builder " + std::to_string(static_cast<uint32_t>(c.builder)) + " does not exist");
   if (c.invalid != bvh::InvalidTriangles::kRefuse && c.invalid != bvh::InvalidTriangles::kDrop)
     throw Error(ErrorCode::kInvalidArgument, "invalid must be to refuse or to drop");
-  check_cost("cost.traversal", c.cost.traversal);
-  check_cost("cost.intersection", c.cost.intersection);
+  bvh::check_cost(c.cost);
   check_range("empty_bonus", c.empty_bonus, 0.0f, 0.9f);
   check_range("max_depth", c.max_depth, 0u, 64u);
   check_range("bad_refines", c.bad_refines, 0u, 64u);

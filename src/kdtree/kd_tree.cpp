@@ -69,7 +69,7 @@ Traversal traversal_by_name(std::string_view name) {
 KdTree::KdTree() : TriangleQueries(std::make_unique<Data>()) { prepare_rays(data()); }
 KdTree::~KdTree() = default;
 // What was moved from stays a tree without triangles, so that every query on it has an answer.
-KdTree::KdTree(KdTree&& other) noexcept : KdTree() { swap(other); }
+KdTree::KdTree(KdTree&& other) : KdTree() { swap(other); }
 KdTree& KdTree::operator=(KdTree&& other) noexcept {
   swap(other);
   return *this;

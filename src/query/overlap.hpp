@@ -71,7 +71,8 @@ inline bool reaches(const Frustum& frustum, const LeafTriangle& t) {
 }  // namespace overlap
 
 template <typename Nodes>
-std::vector<uint32_t> overlaps_of_box(const LeafStore& data, const Aabb& box) {
+std::vector<uint32_t> overlaps_of_box(const LeafStore& data, const Aabb& region) {
+  const Aabb box = finite_part(region);
   // An empty box touches nothing, even where it would seem to lie across another.
   if (!(box.min.x <= box.max.x && box.min.y <= box.max.y && box.min.z <= box.max.z)) return {};
   return overlap::collect<Nodes>(

@@ -20,7 +20,8 @@
 // Triangles (Woop et al. 2013): axes are permuted so that the largest component of the direction
 // is kz, and sheared so that the ray runs along it. The direction is first scaled by a power of
 // two to about 1, and so are the coordinates of trees of extreme size, so that nothing under- or
-// overflows.
+// overflows. Where coordinates are so large that p * inv could overflow, the direction is scaled
+// to 2^40 instead, so that |inv| <= 1.
 #pragma once
 
 #include <bit>
@@ -100,11 +101,13 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   constexpr int32_t kSign = std::numeric_limits<int32_t>::min();
   const Int4 signs = Int4(d) & kSign;
   Float4 a = Float4(Int4(d) & ~kSign);
-  const Float4 away = Float4(Int4(o) & ~kSign), sums = a + away;
-  // Written so that a NaN anywhere fails.
-  if (!(sums[0] + sums[1] + sums[2] <= kMax) || !(ray.t_min <= ray.t_max)) return false;
+  const Float4 away = Float4(Int4(o) & ~kSign);
+  Float4 most;
+  std::memcpy(&most, tree.max_abs_coord, sizeof most);
+  most = larger(most, away);
+  const Float4 furthest = largest_of(most);
   Float4 largest = largest_of(a);
-  if (!(largest[0] > 0.0f)) return false;
+  if (!(ray.t_min <= ray.t_max)) return false;
   const Float4 firsts = __builtin_shufflevector(a, a, 0, 0, 1, 3);
   const Float4 seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
   const uint32_t kz = kLargestAxis[sign_bits(Float4(firsts > seconds))];
@@ -112,8 +115,12 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   f.t_min = ray.t_min + 0.0f;  // -0 becomes 0, so that distances compare as integers
   f.t_max = ray.t_max;
   f.t_unit = 1.0f;
-  if (largest[0] < 0x1p-20f || largest[0] > 0x1p20f) [[unlikely]] {
-    const int exponent = std::min(std::max(exponent_of(largest[0]), -126), 126);
+  // Written so that a NaN anywhere, which is the largest of all, comes here and fails.
+  const bool is_far = !(furthest[0] <= 0x1p66f);
+  if (!(largest[0] >= 0x1p-20f && largest[0] <= 0x1p20f) || is_far) [[unlikely]] {
+    if (!(largest[0] > 0.0f && largest[0] <= kMax && furthest[0] <= kMax)) return false;
+    const int wanted = exponent_of(largest[0]) - (is_far ? 40 : 0);
+    const int exponent = std::min(std::max(wanted, -126), 126);
     f.t_unit = power_of_two(-exponent);
     const float inverse = power_of_two(exponent);
     f.t_min *= inverse;
@@ -123,10 +130,7 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
     largest *= f.t_unit;
   }
 
-  Float4 most;
-  std::memcpy(&most, tree.max_abs_coord, sizeof most);
-  most = larger(most, away);
-  const Float4 error_bound = most * 0x1p-20f + largest_of(most) * 0x1p-38f;
+  const Float4 error_bound = most * 0x1p-20f + furthest * 0x1p-38f;
   const Float4 component = Float4(Int4(larger(a, largest * 0x1p-40f)) | signs);
   const Float4 inv = 1.0f / component, e = Float4(Int4(inv) & ~kSign) * error_bound;
   // Rounded once.

@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "base/host_device.hpp"
+#include "base/math.hpp"
 #include "query/orientation.hpp"
 #include "umbel/types.hpp"
 
@@ -148,7 +149,15 @@ UMBEL_HOST_DEVICE inline bool separated_by_plane(const Aabb& box, const Vec3& p0
 
 }  // namespace detail
 
-/// Exactly whether a triangle and a closed box have a point in common. Not for an empty box.
+/// The part of a box where points are finite. A box with a NaN keeps it, and one that lies beyond
+/// becomes empty.
+UMBEL_HOST_DEVICE inline Aabb finite_part(const Aabb& box) {
+  constexpr float kMost = std::numeric_limits<float>::max();
+  return {max(box.min, {-kMost, -kMost, -kMost}), min(box.max, {kMost, kMost, kMost})};
+}
+
+/// Exactly whether a triangle and a closed box have a point in common. Not for an empty box or one
+/// that is infinite.
 UMBEL_HOST_DEVICE inline bool touches_box(const Aabb& box, const Vec3& p0, const Vec3& p1,
                                           const Vec3& p2) {
   if (!(box.min.x <= box.max.x && box.min.y <= box.max.y && box.min.z <= box.max.z)) return false;

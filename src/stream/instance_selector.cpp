@@ -55,7 +55,10 @@ struct InstanceSelector::State {
   class Selection;
 
   State(const Asset& from, size_t max_bytes)
-      : asset(from), nodes(from.instance_nodes()), most_bytes(max_bytes), pages(nodes.size()) {}
+      : asset(from),
+        nodes(from.instance_nodes()),
+        most_bytes(max_bytes == 0 ? std::numeric_limits<size_t>::max() : max_bytes),
+        pages(nodes.size()) {}
 
   const Asset& asset;
   const std::vector<InstanceNode>& nodes;

@@ -36,26 +36,66 @@ struct Candidate {
   uint32_t page;
 };
 
-void check(const StreamView& view, size_t meshes) {
-  if (view.mesh >= meshes)
-    throw Error(ErrorCode::kInvalidArgument, "a view is of mesh " + std::to_string(view.mesh) +
-                                                 ", but the asset has " + std::to_string(meshes));
+[[noreturn]] void refuse(const std::string& sentence) {
+  throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+/// A limit of 0 is none.
+template <typename Number>
+Number limit_of(Number given) {
+  return given == 0 ? std::numeric_limits<Number>::max() : given;
+}
+
+ResidencyConfig with_limits(ResidencyConfig config) {
+  const auto set = [](auto& limit) { limit = limit_of(limit); };
+  set(config.budget_bytes), set(config.bytes_per_step), set(config.loads_in_flight);
+  set(config.evictions_per_step), set(config.groups_per_step), set(config.attempts);
+  return config;
+}
+
+void check(const ResidencyConfig& config) {
+  const auto at_least = [](const char* name, double value, int least) {
+    if (!(value >= least))
+      refuse(std::string(name) + " is " + std::to_string(value) + ", but must be at least " +
+             std::to_string(least));
+  };
+  at_least("hysteresis", double{config.hysteresis}, 1);
+  at_least("backoff_seconds", config.backoff_seconds, 0);
+  at_least("slow_seconds", config.slow_seconds, 0);
+}
+
+void check_budget(uint64_t budget, uint64_t pinned) {
+  if (budget < pinned)
+    refuse("budget_bytes is " + std::to_string(budget) +
+           ", but the pages of the root groups take " + std::to_string(pinned));
+}
+
+void check(const StreamView& view, size_t index, size_t meshes) {
+  const auto refuse_view = [&](const std::string& why) {
+    refuse("views[" + std::to_string(index) + "]" + why);
+  };
   const lod::View& v = view.view;
-  bool is_right = v.kind == lod::View::Kind::kCamera
-                      ? v.threshold >= 0 && std::isfinite(v.eye.x + v.eye.y + v.eye.z)
-                      : v.kind == lod::View::Kind::kError && v.error >= 0;
-  for (const lod::Plane& plane : view.planes)
-    is_right &= std::isfinite(plane.normal.x + plane.normal.y + plane.normal.z + plane.offset);
-  if (!is_right)
-    throw Error(ErrorCode::kInvalidArgument,
-                "a view must be of an error or a camera, with finite values that are not negative");
+  const bool by_camera = v.kind == lod::View::Kind::kCamera;
+  if (view.mesh >= meshes)
+    refuse_view(" is of mesh " + std::to_string(view.mesh) + ", but the asset has " +
+                std::to_string(meshes));
+  if (!by_camera && v.kind != lod::View::Kind::kError)
+    refuse_view(" must be by error or by camera");
+  const float limit = by_camera ? v.threshold : v.error;
+  if (!(limit >= 0))
+    refuse_view(" has the " + std::string(by_camera ? "threshold " : "error ") +
+                std::to_string(limit) + ", but it must not be negative");
+  if (by_camera && !is_finite(v.eye)) refuse_view(" has an eye that is not finite");
+  for (size_t i = 0; i < view.planes.size(); ++i)
+    if (!is_finite(view.planes[i].normal) || !std::isfinite(view.planes[i].offset))
+      refuse_view(".planes[" + std::to_string(i) + "] is not finite");
 }
 
 }  // namespace
 
 struct Residency::State {
   State(const Asset& of, const ResidencyConfig& how)
-      : asset(&of), config(how), tracker(of), pages(of.info().pages) {}
+      : asset(&of), config(with_limits(how)), tracker(of), pages(of.info().pages) {}
 
   const Asset* asset;
   ResidencyConfig config;
@@ -127,13 +167,7 @@ void Residency::State::evict(uint32_t page) {
 }
 
 void Residency::State::check_and_pin_roots() {
-  const auto in_range = [](double value) { return value >= 0; };
-  if (!in_range(config.backoff_seconds) || !in_range(config.slow_seconds) ||
-      !(config.hysteresis >= 1) || config.attempts == 0 || config.loads_in_flight == 0 ||
-      config.groups_per_step == 0)
-    throw Error(ErrorCode::kInvalidArgument,
-                "a residency's times must not be negative, its hysteresis at least 1, and its "
-                "attempts, loads_in_flight and groups_per_step at least 1");
+  check(config);
   uint64_t bytes = 0;
   for (uint32_t m = 0; m < asset->meshes().size(); ++m)
     for (const GroupRef& root : asset->roots(m)) {
@@ -141,10 +175,7 @@ void Residency::State::check_and_pin_roots() {
       if (!slot.pinned) bytes += asset->page_bytes(root.page);
       slot.pinned = true;
     }
-  if (bytes > config.budget_bytes)
-    throw Error(ErrorCode::kInvalidArgument,
-                "budget_bytes is " + std::to_string(config.budget_bytes) +
-                    ", but the pages of the root groups take " + std::to_string(bytes));
+  check_budget(config.budget_bytes, bytes);
   statistics.pinned_bytes = bytes;
   for (uint32_t p = 0; p < pages.size(); ++p)
     if (pages[p].pinned) install(p, std::make_shared<const AssetPage>(asset->read_page(p)), 0);
@@ -326,7 +357,7 @@ Residency::~Residency() = default;
 
 StreamStep Residency::step(std::span<const StreamView> views, double now) {
   State& state = *state_;
-  for (const StreamView& view : views) check(view, state.asset->meshes().size());
+  for (size_t i = 0; i < views.size(); ++i) check(views[i], i, state.asset->meshes().size());
   StreamStep result;
   state.candidates_are_known = false;
   if (state.loader) state.take_arrivals(now, result);
@@ -387,11 +418,9 @@ void Residency::close() {
 }
 
 void Residency::set_budget(uint64_t bytes) {
-  if (bytes < state_->statistics.pinned_bytes)
-    throw Error(ErrorCode::kInvalidArgument, "the budget is " + std::to_string(bytes) +
-                                                 ", but the pages of the root groups take " +
-                                                 std::to_string(state_->statistics.pinned_bytes));
-  state_->config.budget_bytes = bytes;
+  const uint64_t budget = limit_of(bytes);
+  check_budget(budget, state_->statistics.pinned_bytes);
+  state_->config.budget_bytes = budget;
 }
 
 }  // namespace umbel

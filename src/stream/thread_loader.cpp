@@ -4,6 +4,8 @@
 #include <condition_variable>
 #include <deque>
 #include <mutex>
+#include <new>
+#include <string>
 #include <thread>
 #include <utility>
 
@@ -15,21 +17,23 @@ namespace {
 class ThreadLoader : public PageLoader {
  public:
   ThreadLoader(const Asset& asset, uint32_t threads) : asset_(asset) {
-    for (uint32_t i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
+    try {
+      threads_.reserve(threads);
+      while (threads_.size() < threads) threads_.emplace_back([this] { work(); });
+    } catch (...) {
+      end();
+      throw;
+    }
   }
 
-  ~ThreadLoader() override {
-    {
-      const std::lock_guard lock(mutex_);
-      ends_ = true;
-    }
-    wake_.notify_all();
-    for (std::thread& thread : threads_) thread.join();
-  }
+  ~ThreadLoader() override { end(); }
 
   void request(uint32_t page) override {
     {
       const std::lock_guard lock(mutex_);
+      // Each page that is asked for has its place among the arrivals, so that threads need none.
+      const size_t places = arrived_.size() + queue_.size() + loading_ + 1;
+      if (arrived_.capacity() < places) arrived_.reserve(2 * places);
       queue_.push_back(page);
     }
     wake_.notify_one();
@@ -44,11 +48,23 @@ class ThreadLoader : public PageLoader {
   }
 
   std::vector<PageArrival> poll() override {
+    std::vector<PageArrival> arrived;
     const std::lock_guard lock(mutex_);
-    return std::exchange(arrived_, {});
+    arrived.reserve(queue_.size() + loading_);
+    arrived_.swap(arrived);
+    return arrived;
   }
 
  private:
+  void end() {
+    {
+      const std::lock_guard lock(mutex_);
+      ends_ = true;
+    }
+    wake_.notify_all();
+    for (std::thread& thread : threads_) thread.join();
+  }
+
   void work() {
     std::unique_lock lock(mutex_);
     while (true) {
@@ -56,9 +72,11 @@ class ThreadLoader : public PageLoader {
       if (ends_) return;
       const uint32_t page = queue_.front();
       queue_.pop_front();
+      ++loading_;
       lock.unlock();
       PageArrival arrival = load(page);
       lock.lock();
+      --loading_;
       arrived_.push_back(std::move(arrival));
     }
   }
@@ -68,12 +86,22 @@ class ThreadLoader : public PageLoader {
     arrival.page = page;
     try {
       arrival.data = std::make_shared<const AssetPage>(asset_.read_page(page));
+    } catch (const std::bad_alloc&) {
+      arrival.problem = "no memory";  // short enough to need none
     } catch (const std::exception& error) {
-      arrival.problem = error.what();
+      arrival.problem = text_of(error);
     } catch (...) {
-      arrival.problem = "reading page " + std::to_string(page) + " failed";
+      arrival.problem = "unknown error";
     }
     return arrival;
+  }
+
+  static std::string text_of(const std::exception& error) {
+    try {
+      return error.what();
+    } catch (const std::bad_alloc&) {
+      return "no memory";
+    }
   }
 
   const Asset& asset_;
@@ -81,6 +109,7 @@ class ThreadLoader : public PageLoader {
   std::condition_variable wake_;
   std::deque<uint32_t> queue_;
   std::vector<PageArrival> arrived_;
+  size_t loading_ = 0;  // pages that threads are reading
   bool ends_ = false;
   std::vector<std::thread> threads_;
 };

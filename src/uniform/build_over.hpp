@@ -3,6 +3,7 @@
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "bvh/tree/config.hpp"
 #include "query/leaf_lists.hpp"
 #include "query/ray_kernels.hpp"
 #include "uniform/structure_data.hpp"
@@ -57,6 +58,7 @@ std::unique_ptr<LeafStore> build_over(const MeshView& mesh, const Config& config
                                       std::span<const uint32_t> masks, const BuildOptions& options,
                                       const Build& build) {
   choose_simd(config.simd);
+  bvh::check_cost(config.cost);
   check_masks(masks, mesh.triangles.size());
   Progress progress(options);
   progress.report(0, "building");

@@ -14,7 +14,7 @@ UniformStructure::UniformStructure(std::unique_ptr<LeafStore> store)
     : TriangleQueries(std::move(store)) {}
 UniformStructure::~UniformStructure() = default;
 // What was moved from stays without triangles, so that every query on it has an answer.
-UniformStructure::UniformStructure(UniformStructure&& other) noexcept
+UniformStructure::UniformStructure(UniformStructure&& other)
     : TriangleQueries(data_of(*other.store_).without_triangles()) {
   swap(other);
 }

@@ -369,7 +369,7 @@ TEST(FrameClustersInC, mistakes_are_named) {
   EXPECT_EQ(build(), UMBEL_ERROR_INVALID_ARGUMENT);
   umbel_frame_config_init(&config);
   config.struct_size = 4;
-  EXPECT_EQ(build(), UMBEL_ERROR_UNSUPPORTED);
+  EXPECT_EQ(build(), UMBEL_ERROR_INVALID_ARGUMENT);
   umbel_frame_config_init(&config);
   EXPECT_EQ(umbel_cuda_build_frame_clusters(nullptr, nullptr, &mesh, &config, nullptr, nullptr),
             UMBEL_ERROR_INVALID_ARGUMENT);

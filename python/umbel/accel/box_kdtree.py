@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
+from umbel.accel.inputs import box_of
 from umbel.errors import Error
 from umbel.geometry.arrays import configure, numbers, rows, thread_count
 from umbel.geometry.repair import Progress
@@ -130,10 +131,7 @@ class BoxKdTree:
 
     def overlaps_box(self, low: ArrayLike, high: ArrayLike) -> NDArray[np.int32]:
         """(k,) the boxes that touch the box from `low` to `high`, both (3,), sorted."""
-        corners = np.concatenate([numbers("low", low), numbers("high", high)])
-        if corners.shape != (6,):
-            raise Error("low and high must have shape (3,)")
-        return self._native.overlaps_box(tuple(corners.tolist()))
+        return self._native.overlaps_box(box_of(low, high))
 
     def statistics(self) -> dict[str, Any]:
         """`nodes leaves empty_leaves max_depth references sah_cost inner_visits leaf_visits tests

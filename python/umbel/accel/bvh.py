@@ -38,7 +38,8 @@ class Refit:
 
 class Bvh(TriangleQueries):
     """A hierarchy over triangles that answers rays, distances and overlaps. It holds all that it
-    needs: the mesh need not be kept."""
+    needs: the mesh need not be kept. Only its array of triangles is shared, for `refit` and
+    `tree`, and must not be changed."""
 
     _native: _umbel.Bvh
 
@@ -88,7 +89,7 @@ class Bvh(TriangleQueries):
                     geometry, config, *form, progress=progress, threads=thread_count(threads)
                 )
         self._triangles: NDArray[np.uint32] | None = mesh.triangles
-        self._origin = mesh.origin
+        self._origin = origin_of(mesh.origin)
 
     @classmethod
     def _of(

@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.accel.bvh import Refit
+from umbel.accel.inputs import box_of
 from umbel.accel.tree_options import TreeOptions, tree_config
 from umbel.accel.trees import Bvh2
 from umbel.errors import Error
-from umbel.geometry.arrays import numbers, rows, thread_count
+from umbel.geometry.arrays import rows, thread_count, whole
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -75,22 +76,20 @@ class DynamicTree:
 
     def overlaps_box(self, low: ArrayLike, high: ArrayLike) -> NDArray[np.uint32]:
         """(k,) numbers of the boxes that touch the box from `low` to `high`, both (3,), sorted."""
-        corners = np.concatenate([numbers("low", low), numbers("high", high)])
-        if corners.shape != (6,):
-            raise Error("low and high must have shape (3,)")
-        return self._native.overlaps_box(tuple(corners.tolist()))
+        return self._native.overlaps_box(box_of(low, high))
 
     def box(self, number: int) -> NDArray[np.float32]:
         """(6,) the box with that number."""
-        return np.array(self._native.box(int(number)), np.float32)
+        return np.array(self._native.box(whole("number", number)), np.float32)
 
     def snapshot(self, max_leaf_size: int = 8) -> Bvh2:
         """The tree as it is now, with leaves of up to that many boxes by cost. Over the boxes of
         triangles, `umbel.Bvh.from_tree` traces it."""
-        return Bvh2(self._native.snapshot(int(max_leaf_size)), self._config, None)
+        most = whole("max_leaf_size", max_leaf_size)
+        return Bvh2(self._native.snapshot(most), self._config, None)
 
     def __contains__(self, number: Any) -> bool:
-        return isinstance(number, (int, np.integer)) and self._native.contains(int(number))
+        return isinstance(number, (int, np.integer)) and self._has(int(number))
 
     def __len__(self) -> int:
         return self._native.size
@@ -98,14 +97,15 @@ class DynamicTree:
     def __repr__(self) -> str:
         return f"<DynamicTree: {len(self)} boxes>"
 
+    def _has(self, number: int) -> bool:
+        return 0 <= number < 2**32 and self._native.contains(number)
+
     def _in_use(self, given: ArrayLike) -> NDArray[np.uint32]:
         array = np.atleast_1d(np.asarray(given))
         if array.ndim != 1 or (array.size > 0 and array.dtype.kind not in "iu"):
             raise Error("numbers must be whole numbers, of shape (k,)")
         values = array.tolist()
-        wrong = next(
-            (n for n in values if not 0 <= n < 2**32 or not self._native.contains(n)), None
-        )
+        wrong = next((n for n in values if not self._has(n)), None)
         if wrong is not None:
             raise Error(f"there is no box {wrong} in the tree")
         if len(set(values)) != len(values):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
-from umbel.geometry.arrays import array_of, as_mesh, native, rows
+from umbel.errors import Error
+from umbel.geometry.arrays import array_of, as_mesh, native, numbers, rows
 from umbel.geometry.mesh import Mesh
 from umbel.geometry.origin import localize
 
@@ -37,3 +39,19 @@ def boxes_from(source: Any) -> NDArray[np.float32] | None:
     if isinstance(source, (tuple, list)) and len(source) == 2 and np.ndim(source[0]) == 2:
         return None  # (positions, triangles)
     return rows("boxes", source, 6)
+
+
+def point_of(name: str, value: ArrayLike) -> NDArray[Any]:
+    """A point, (3,); umbel.Error if it is none."""
+    array = numbers(name, value)
+    if array.shape != (3,):
+        raise Error(f"{name} must have shape (3,), not {array.shape}")
+    return array
+
+
+def box_of(low: ArrayLike, high: ArrayLike) -> tuple[float, ...]:
+    """The six numbers of a box; those of one that touches nothing where `low` is above `high`."""
+    least, most = point_of("low", low), point_of("high", high)
+    if (least > most).any():
+        return (math.inf,) * 3 + (-math.inf,) * 3
+    return (*least.tolist(), *most.tolist())

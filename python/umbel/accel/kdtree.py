@@ -100,7 +100,7 @@ class KdTree(SpatialPartition):
                 progress,
                 thread_count(threads),
             )
-        self._origin = mesh.origin
+        self._origin = origin_of(mesh.origin)
 
     @classmethod
     def load(

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
+from umbel.accel.inputs import point_of
 from umbel.accel.rays import RayQueries
 from umbel.errors import Error
-from umbel.geometry.arrays import numbers, rows, thread_count
+from umbel.geometry.arrays import number, rows, thread_count
 from umbel.geometry.camera import moved_planes
 
 
@@ -51,7 +52,7 @@ class TriangleQueries(RayQueries, ABC):
         self, points: ArrayLike, max_distance: float = math.inf, *, threads: int = 0
     ) -> ClosestPoints:
         """The nearest point of the surface to each of (n, 3) points, within `max_distance`."""
-        limit = _number("max_distance", max_distance)
+        limit = number("max_distance", max_distance)
         if not limit >= 0:
             raise Error(f"max_distance cannot be {max_distance}")
         local = rows("points", self._local("points", points), 3)
@@ -79,7 +80,7 @@ class TriangleQueries(RayQueries, ABC):
     def overlaps_sphere(self, center: ArrayLike, radius: float) -> NDArray[np.int32]:
         """Triangles that touch the ball around `center`, (3,)."""
         middle = self._point("center", center)
-        return self._native.overlaps_sphere(middle, _number("radius", radius))
+        return self._native.overlaps_sphere(middle, number("radius", radius))
 
     def overlaps_frustum(self, planes: ArrayLike) -> NDArray[np.int32]:
         """Triangles that touch the points with a x + b y + c z + d >= 0 for all planes, (6, 4)
@@ -101,19 +102,10 @@ class TriangleQueries(RayQueries, ABC):
         return self._origin + box if self._origin.any() else box
 
     def _point(self, name: str, value: ArrayLike) -> Sequence[float]:
-        array = numbers(name, value)
-        if array.shape != (3,):
-            raise Error(f"{name} must have shape (3,), not {array.shape}")
-        return tuple(np.asarray(self._local(name, array)).tolist())
+        return tuple(np.asarray(self._local(name, point_of(name, value))).tolist())
 
     def __len__(self) -> int:
         return self._native.triangle_count
-
-
-def _number(name: str, value: float) -> float:
-    if not isinstance(value, (int, float, np.number)):
-        raise Error(f"{name} must be a number, not {value!r}")
-    return float(value)
 
 
 class SpatialPartition(TriangleQueries):

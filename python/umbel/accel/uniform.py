@@ -13,6 +13,7 @@ from umbel.accel.queries import SpatialPartition
 from umbel.accel.rays import mask_array
 from umbel.errors import Error
 from umbel.geometry.arrays import about, thread_count
+from umbel.geometry.origin import origin_of
 from umbel.geometry.repair import Progress
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class _Uniform(SpatialPartition):
         if invalid not in ("refuse", "drop"):
             raise Error(f"invalid must be 'refuse' or 'drop', not {invalid!r}")
         mesh = mesh_from(*source)
-        self._origin = mesh.origin
+        self._origin = origin_of(mesh.origin)
         given = {**settings, "compact": bool(compact), "cost": cost}
         geometry, bits = geometry_of(mesh), mask_array(masks, len(mesh.triangles))
         count = thread_count(threads)

@@ -5,6 +5,8 @@ Exit status: 0 done, 1 the input or an argument is at fault, 2 usage, 3 a check 
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -32,26 +34,49 @@ def _stop_behind(error: BaseException | None) -> Stopped | None:
     return error
 
 
+def discard_output() -> None:
+    """Drops what standard output does not take; Python would complain of it when it exits."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main() -> None:
     """The entry point of the command `umbel`."""
     signal.signal(signal.SIGTERM, _stop)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not if it is ignored
         signal.signal(signal.SIGINT, _stop)
     # Commands end cleanly by themselves; this is for what comes before them, imports above all.
+    status = 0
     try:
         from umbel.cli.app import app
 
-        if "--json" in sys.argv[1:]:
-            sys.exit(_with_objects(app, sys.argv[1:]))
-        app(prog_name="umbel")
+        status = _run(app, sys.argv[1:])
+        print(end="", flush=True)
     except (Stopped, RuntimeError) as error:
         stopped = _stop_behind(error)
         if stopped is None:
             raise
         print(f"umbel: {stopped.word}", file=sys.stderr)
         if "--json" in sys.argv[1:]:
-            print(f'{{"error": "{stopped.word}", "input": null}}')
-        sys.exit(stopped.status)
+            with contextlib.suppress(OSError):
+                print(f'{{"error": "{stopped.word}", "input": null}}', flush=True)
+        status = stopped.status
+    except OSError as error:
+        discard_output()
+        if status == 0 and not isinstance(error, BrokenPipeError):
+            print(f"umbel: cannot write standard output: {error.strerror}", file=sys.stderr)
+        status = status or 1
+    sys.exit(status)
+
+
+def _run(app: Callable[..., Any], arguments: list[str]) -> int:
+    """Runs a command; its exit status."""
+    if "--json" in arguments:
+        return _with_objects(app, arguments)
+    try:
+        app(prog_name="umbel")
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
 
 
 def _with_objects(app: Callable[..., Any], arguments: list[str]) -> int:
@@ -66,5 +91,6 @@ def _with_objects(app: Callable[..., Any], arguments: list[str]) -> int:
 
         sentence = one_line(error.format_message()) or "a command is missing"
         print(f"umbel: {sentence}", file=sys.stderr)
-        print(failure_object(sentence, input_of(arguments, error)))
+        with contextlib.suppress(OSError):
+            print(failure_object(sentence, input_of(arguments, error)), flush=True)
         return int(error.exit_code)

@@ -30,8 +30,8 @@ def with_flags(sentence: str, flags: Mapping[str, str], paths: Sequence[str] = (
     parts = re.split(f"({'|'.join(kept)})", sentence) if kept else [sentence]
     every = {**{f"{name}=True": flag for name, flag in flags.items()}, **flags}
     for name, flag in every.items():
-        pattern = re.compile(rf"(?<![\w-]){re.escape(name)}\b" if re.search(r"\W|_", name) else "")
-        if pattern.pattern:
+        if re.search(r"\W|_", name):
+            pattern = re.compile(rf"(?<![\w-]){re.escape(name)}(?!\w)")
             parts[::2] = [pattern.sub(flag, part) for part in parts[::2]]
         else:
             parts[0] = re.sub(rf"^{name}\b", flag, parts[0])
@@ -64,8 +64,11 @@ def input_of(arguments: Sequence[str], error: Any) -> str | None:
             options[name] = not getattr(parameter, "is_flag", False)
     depth = len(str(getattr(context, "command_path", "umbel")).split()) - 1
     words = iter(arguments)
+    has_flags = True
     for word in words:
-        if word.startswith("-") and word != "-":
+        if has_flags and word == "--":
+            has_flags = False
+        elif has_flags and word.startswith("-") and word != "-":
             if options.get(word, False):
                 next(words, None)
         elif depth > 0:

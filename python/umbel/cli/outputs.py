@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from umbel.cli.run import fail
+from umbel.cli.run import fail, is_asset
 
 
 def check_output(path: Path, *suffixes: str, inputs: Sequence[str | Path] = ()) -> None:
@@ -23,6 +23,26 @@ def check_output(path: Path, *suffixes: str, inputs: Sequence[str | Path] = ()) 
         if _is_same(path, source):
             fail(f"{path} is the input; the output must be another file")
     check_folder(path.absolute().parent, f"{path}: ")
+
+
+def check_references(outputs: Sequence[Path], source: str) -> None:
+    """Refuses outputs that would replace a file that the input refers to."""
+    from umbel.io.addresses import is_address
+    from umbel.io.references import named_files
+
+    there = [path for path in outputs if path.exists()]
+    if not there or is_address(source):  # the input need not be read for this
+        return
+    if is_asset(source):
+        from umbel.viewer.files import images_beside
+
+        used = list(images_beside(Path(source)).values())
+    else:
+        folder = Path(source).parent
+        used = [folder / name for name in named_files(Path(source))]
+    for path in there:
+        if any(_is_same(path, one) for one in used):
+            fail(f"{path} is a file that {source} refers to; the output must be another file")
 
 
 def check_folder(folder: Path, what: str = "") -> None:

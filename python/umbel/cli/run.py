@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import errno
 import functools
 import json
-import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
 import typer
 
-from umbel.cli import Stopped
+from umbel.cli import Stopped, discard_output
 from umbel.cli.failure import Failure, failure_object, naming_file, one_line, with_flags
 
 if TYPE_CHECKING:
@@ -42,6 +42,9 @@ _PATHS = ("source", "path", "inputs", "scenes", "output", "export")
 """Arguments that are files and folders, inputs first."""
 
 
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
 def say(sentence: str) -> None:
     """One line on standard error."""
     with contextlib.suppress(OSError):
@@ -66,12 +69,12 @@ def ends_cleanly(flags: Mapping[str, str] | None = None) -> Callable[[Command], 
             warnings.showwarning = _show_warning
             try:
                 result = command(*args, **kwargs)
-                sys.stdout.flush()
+                print(end="", flush=True)
                 return result
             except typer.Exit:
                 raise
             except (Exception, Stopped) as error:
-                failure = _failure(error, "drop_invalid" in kwargs)
+                failure = _failure(error, kwargs.get("drop_invalid") is False)
                 if failure is None:  # a fault of ours: the traceback says where
                     if kwargs.get("as_json"):
                         print(failure_object(f"{type(error).__name__}: {error}", None), flush=True)
@@ -85,7 +88,7 @@ def ends_cleanly(flags: Mapping[str, str] | None = None) -> Callable[[Command], 
 
 def _failure(error: BaseException, drops: bool) -> Failure | None:
     """What an exception says to the user; None where it is no fault of theirs. `drops`: whether
-    the command can leave out what is invalid."""
+    the command could leave out what is not finite, and was not asked to."""
     from umbel.errors import Error
 
     if isinstance(error, Failure):
@@ -97,11 +100,12 @@ def _failure(error: BaseException, drops: bool) -> Failure | None:
     if isinstance(error, MemoryError):
         return Failure("not enough memory", FAULT)
     if isinstance(error, BrokenPipeError):
-        # Nobody reads the output any more; Python would complain again when it exits.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard_output()
         raise typer.Exit(FAULT) from None
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
+        if not where and error.errno in _FULL:  # what is written elsewhere has a name
+            where = "cannot write standard output: "
         return Failure(f"{where}{error.strerror or error}", FAULT)
     return None
 
@@ -110,7 +114,11 @@ def _hint(error: Error, drops: bool) -> str:
     """What helps with a mesh that the library refuses, where it does not say so itself."""
     if error.code != "invalid_mesh" or "drop_invalid" in str(error):
         return ""
-    flag = "--drop-invalid" if drops else "`umbel build --drop-invalid`"
+    flag = (
+        "--drop-invalid"
+        if drops and "vertex index" not in str(error)
+        else "`umbel build --drop-invalid`"
+    )
     return f"; {flag} leaves such triangles out"
 
 
@@ -164,7 +172,8 @@ heard: list[str] = []
 
 def hear(message: Warning | str) -> str:
     """Keeps a warning, and gives it in a user's words."""
-    sentence = with_flags(one_line(str(message)), {"allow_outside": "--allow-outside"})
+    flags = {"allow_outside": "--allow-outside", "instances='on'": "--instances on"}
+    sentence = with_flags(one_line(str(message)), flags)
     heard.append(sentence)
     return sentence
 

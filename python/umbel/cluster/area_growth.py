@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
+
+from umbel.errors import Error
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,13 @@ class RebuildPolicy:
     """Frames after which to rebuild in any case; 0: never."""
     budget: float = 1.0
     """Share of the clusters that a rebuild may replace, the worst ones first; 1: all of them."""
+
+    def __post_init__(self) -> None:
+        least = {"threshold": 1, "least_period": 0, "most_period": 0, "budget": 0}
+        for name, limit in least.items():
+            value = getattr(self, name)
+            if not isinstance(value, Real) or not float(value) >= limit:
+                raise Error(f"{name} must be a number of at least {limit}, not {value!r}")
 
     def decide(self, growth: AreaGrowth, frames: int) -> str:
         """What to do `frames` after the last rebuild: "keep", "rebuild" or "rebuild_worst"."""

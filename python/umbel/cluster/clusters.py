@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,20 +20,22 @@ from umbel.geometry.arrays import (
     configure,
     indices,
     native,
+    number,
     numbers,
     rows,
     thread_count,
     whole,
 )
 from umbel.geometry.arrays import rows as array_rows
+from umbel.geometry.mesh import Mesh
 from umbel.geometry.repair import Progress
 
 METHODS = ("bisect", "morton", "hybrid")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Clusters:
-    """Items in cluster order, and where each cluster begins."""
+    """Items in cluster order, and where each cluster begins. Pickled with what `metrics` needs."""
 
     items: NDArray[np.uint32]
     """(m,) a permutation of the item indices."""
@@ -38,10 +43,18 @@ class Clusters:
     """(k, 2) offset and count in `items` of each cluster."""
     segments: NDArray[np.uint32]
     """(s, 2) offset and count in `ranges` of each segment."""
-    _measure: Callable[[], dict[str, Any]] = field(repr=False, compare=False)
+    _measure: Callable[[], dict[str, Any]] = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.ranges)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Clusters):
+            return NotImplemented
+        return all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("items", "ranges", "segments")
+        )
 
     @property
     def offsets(self) -> NDArray[np.uint32]:
@@ -67,11 +80,19 @@ class Clusters:
 
 
 def _config(preset: str, max_items: int, **changes: Any) -> _umbel.ClusterConfig:
-    if isinstance(max_items, bool) or not 0 <= max_items <= 0xFFFFFFFF:
-        raise Error(f"the most items of a cluster cannot be {max_items}")
-    config = _umbel.cluster_preset(preset, max_items)
+    config = _umbel.cluster_preset(str(preset), whole("max_items", max_items))
     configure(config, changes)
     return config
+
+
+@contextlib.contextmanager
+def _items_are_triangles() -> Iterator[None]:
+    """Refusals name arguments as functions for meshes do."""
+    try:
+        yield
+    except Error as error:
+        error.args = (re.sub(r"\b(max|min)_items\b", r"\1_triangles", str(error)),)
+        raise
 
 
 def cluster_mesh(
@@ -112,35 +133,34 @@ def cluster_mesh(
     """
     if method not in METHODS:
         raise Error(f"method must be {' or '.join(map(repr, METHODS))}, not {method!r}")
-    config = _config(
-        preset,
-        max_triangles,
-        min_items=min_triangles,
-        max_vertices=max_vertices,
-        underfill_cost=underfill_cost,
-        overlap_cost=overlap_cost,
-        vertex_underfill_cost=vertex_underfill_cost,
-        presplit_threshold=presplit_threshold,
-        coarse=coarse,
-    )
+    weight = number("shared_vertex_weight", shared_vertex_weight)
+    with _items_are_triangles():
+        config = _config(
+            preset,
+            max_triangles,
+            min_items=min_triangles,
+            max_vertices=max_vertices,
+            underfill_cost=underfill_cost,
+            overlap_cost=overlap_cost,
+            vertex_underfill_cost=vertex_underfill_cost,
+            presplit_threshold=presplit_threshold,
+            coarse=coarse,
+        )
+    normal_weight = number("normal_weight", normal_weight)
     if normal_weight and method != "bisect":
         raise Error(f"normal_weight is for the method 'bisect', not {method!r}")
     given = as_mesh(mesh)
     arrays = native(given)
-    with about(given):
+    with about(given), _items_are_triangles():
         if normal_weight:
-            return _by_normals(
-                given, config, shared_vertex_weight, normal_weight, progress, threads
-            )
+            return _by_normals(given, config, weight, normal_weight, progress, threads)
         if method == "morton":
             made = _umbel.cluster_mesh_morton(arrays, config, progress, thread_count(threads))
         elif method == "hybrid":
             made = _umbel.cluster_mesh_hybrid(arrays, config, progress, thread_count(threads))
         else:
-            made = _umbel.cluster_mesh(
-                arrays, config, shared_vertex_weight, progress, thread_count(threads)
-            )
-    return _measured(arrays, made, max_triangles, shared_vertex_weight, threads)
+            made = _umbel.cluster_mesh(arrays, config, weight, progress, thread_count(threads))
+    return _measured(given, made, max_triangles, weight, threads)
 
 
 def clusters_of(
@@ -152,18 +172,23 @@ def clusters_of(
     ranges = np.stack([starts[:-1], np.diff(starts)], axis=1)
     segments = np.array([[0, len(ranges)]], np.uint32)
     made = (indices("items", items), ranges, segments)
-    return _measured(native(as_mesh(mesh)), made, max_triangles, 0.0, threads)
+    return _measured(as_mesh(mesh), made, max_triangles, 0.0, threads)
 
 
 def _measured(
-    arrays: Any, made: tuple[Any, Any, Any], max_triangles: int, weight: float, threads: int
+    mesh: Mesh, made: tuple[Any, Any, Any], max_triangles: int, weight: float, threads: int
 ) -> Clusters:
-    def measure() -> dict[str, Any]:
-        return _umbel.mesh_cluster_metrics(
-            arrays, made[0], made[1], max_triangles, weight, thread_count(threads)
-        )
+    arrays = (mesh.positions, mesh.triangles)
+    how = (max_triangles, weight, thread_count(threads))
+    return Clusters(*made, partial(_mesh_metrics, arrays, *made[:2], *how))
 
-    return Clusters(*made, measure)
+
+def _mesh_metrics(arrays: tuple[Any, Any], *how: Any) -> dict[str, Any]:
+    return _umbel.mesh_cluster_metrics(native(Mesh(*arrays)), *how)
+
+
+def _metrics(arrays: dict[str, Any], *how: Any) -> dict[str, Any]:
+    return _umbel.cluster_metrics(_umbel.ClusterInput(**arrays), *how)
 
 
 def _by_normals(
@@ -182,20 +207,21 @@ def _by_normals(
     arrays = native(mesh)
     _umbel.cluster_mesh_morton(arrays, config, None, thread_count(threads))
     corners = mesh.positions[mesh.triangles]
-    given = _umbel.ClusterInput(
-        rows("boxes", np.hstack([corners.min(axis=1), corners.max(axis=1)]), 6),
-        item_vertices=indices("triangles", mesh.triangles, 3),
-        shared_vertex_weight=shared_vertex_weight,
-        **_connection_arrays(
-            normal_connections(mesh.positions, mesh.triangles, float(normal_weight))
-        ),
-    )
+    given = {
+        "boxes": rows("boxes", np.hstack([corners.min(axis=1), corners.max(axis=1)]), 6),
+        "item_vertices": indices("triangles", mesh.triangles, 3),
+        "shared_vertex_weight": shared_vertex_weight,
+        **_connection_arrays(normal_connections(mesh.positions, mesh.triangles, normal_weight)),
+    }
+    return _built(given, config, progress, threads)
+
+
+def _built(
+    arrays: dict[str, Any], config: Any, progress: Progress | None, threads: int
+) -> Clusters:
+    given = _umbel.ClusterInput(**arrays)
     made = _umbel.build_clusters(given, config, progress, thread_count(threads))
-
-    def measure() -> dict[str, Any]:
-        return _umbel.cluster_metrics(given, made[0], made[1], config.max_items)
-
-    return Clusters(*made, measure)
+    return Clusters(*made, partial(_metrics, arrays, *made[:2], config.max_items))
 
 
 @dataclass(frozen=True)
@@ -279,13 +305,21 @@ def _given(clusters: Clusters) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     )
 
 
+def check_triangles(clusters: Clusters, mesh: Mesh) -> None:
+    """Raises where clusters have triangles that the mesh does not have."""
+    items, ranges = _given(clusters)
+    if len(items) and int(items.max()) >= len(mesh.triangles):
+        raise Error(f"clusters of triangle {items.max()}, and there are {len(mesh.triangles)}")
+    if len(ranges) and int(ranges.sum(axis=1, dtype=np.uint64).max()) > len(items):
+        raise Error(f"clusters.ranges lead beyond the {len(items)} items")
+
+
 def cluster_boxes(mesh: Any, clusters: Clusters) -> NDArray[np.float32]:
     """(k, 6) the boxes of clusters of a mesh's triangles: least and greatest corners, relative to
     the mesh's origin."""
     source = as_mesh(mesh)
     items, offsets = clusters.items, clusters.offsets
-    if len(items) and int(items.max()) >= len(source.triangles):
-        raise Error(f"clusters of triangle {items.max()}, and there are {len(source.triangles)}")
+    check_triangles(clusters, source)
     if not len(clusters):
         return np.zeros((0, 6), np.float32)
     corners = source.positions[source.triangles[items]]
@@ -354,22 +388,17 @@ def build_clusters(
         presplit_threshold=presplit_threshold,
         coarse=coarse,
     )
-    given = _umbel.ClusterInput(
-        rows("boxes", boxes, 6),
-        centroids=None if centroids is None else rows("centroids", centroids, 3),
-        item_vertices=None if item_vertices is None else _vertices(item_vertices),
-        shared_vertex_weight=shared_vertex_weight,
-        segments=None if segments is None else indices("segments", segments, 2),
-        connection_vertex_bits=_bits(connection_vertex_bits),
-        vertices_per_item=whole("vertices_per_item", vertices_per_item),
+    given = {
+        "boxes": rows("boxes", boxes, 6),
+        "centroids": None if centroids is None else rows("centroids", centroids, 3),
+        "item_vertices": None if item_vertices is None else _vertices(item_vertices),
+        "shared_vertex_weight": number("shared_vertex_weight", shared_vertex_weight),
+        "segments": None if segments is None else indices("segments", segments, 2),
+        "connection_vertex_bits": _bits(connection_vertex_bits),
+        "vertices_per_item": whole("vertices_per_item", vertices_per_item),
         **_connection_arrays(connections),
-    )
-    made = _umbel.build_clusters(given, config, progress, thread_count(threads))
-
-    def measure() -> dict[str, Any]:
-        return _umbel.cluster_metrics(given, made[0], made[1], max_items)
-
-    return Clusters(*made, measure)
+    }
+    return _built(given, config, progress, threads)
 
 
 def _bits(connection_vertex_bits: ArrayLike | None) -> NDArray[np.uint8] | None:

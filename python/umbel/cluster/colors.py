@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from umbel.cluster.clusters import Clusters
+from umbel.cluster.clusters import Clusters, check_triangles
 from umbel.geometry.arrays import as_mesh
 from umbel.geometry.mesh import Mesh
 
@@ -29,6 +29,7 @@ def colored_clusters(mesh: Any, clusters: Clusters) -> Mesh:
     """The mesh's triangles in cluster order, with a vertex colour a cluster; vertices on borders
     are split."""
     given = as_mesh(mesh)
+    check_triangles(clusters, given)
     counts = clusters.ranges[:, 1].astype(np.int64)
     label = np.repeat(np.arange(len(counts)), counts)
     chosen = np.concatenate(

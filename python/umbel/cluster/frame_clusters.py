@@ -9,6 +9,7 @@ import numpy as np
 from umbel import _umbel
 from umbel.cluster.area_growth import AreaGrowth, RebuildPolicy
 from umbel.geometry.arrays import as_mesh, indices, rows, thread_count, whole
+from umbel.geometry.origin import origin_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -40,7 +41,7 @@ class FrameClusters:
         threads: int = 0,
     ) -> None:
         source = as_mesh(mesh)
-        self.origin = source.origin
+        self.origin = origin_of(source.origin)
         """What boxes are relative to; frames' positions are in the world."""
         self._threads = thread_count(threads)
         self._native = _umbel.FrameClusterer(

@@ -74,6 +74,13 @@ def whole(name: str, value: int, most: int = 0xFFFFFFFF) -> int:
     return number
 
 
+def number(name: str, value: Any) -> float:
+    """`value` as a number; umbel.Error if it is none."""
+    if not isinstance(value, (int, float, np.number)):
+        raise Error(f"{name} must be a number, not {value!r}")
+    return float(value)
+
+
 def thread_count(threads: int) -> int:
     return whole("threads", threads)
 
@@ -206,5 +213,5 @@ def mesh_of(
         ids = np.zeros(len(arrays["triangles"]), np.uint32)
     mesh = Mesh(**_from_extras(arrays), material_ids=ids, materials=materials, name=name)
     if origin is not None:
-        mesh.origin = origin
+        mesh.origin = origin.copy()
     return mesh

@@ -57,7 +57,8 @@ class Mesh:
 
     Positions are in the file's own units, right-handed; corners run counter-clockwise seen from
     outside. UVs are as the file stores them: glTF puts v = 0 at the image's top, OBJ and PLY at
-    its bottom. Integer colours are divided by their type's largest value, nothing else.
+    its bottom. Colours of PLY and OBJ, which are sRGB, become linear. Integer colours of arrays are
+    divided by their type's largest value, nothing else.
 
     Nothing here checks *values*: indices may point beyond the vertices and positions may be NaN
     until `umbel.validate` says otherwise. Shapes and types are checked on construction.

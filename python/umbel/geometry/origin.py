@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
@@ -68,7 +68,7 @@ def warn_of_origin(path: str | os.PathLike[str], origin: NDArray[np.float64]) ->
 
 
 def localize(
-    points: NDArray[Any], triangles: NDArray[np.uint32] | None = None
+    points: ArrayLike, triangles: NDArray[np.uint32] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """An origin for (n, 3) points, and the points relative to it in float32.
 
@@ -78,14 +78,19 @@ def localize(
     Points that are not finite count for nothing, and so do those of none of the triangles, where
     there are any: files from maps often have a vertex at zero that nothing uses.
     """
+    from umbel.geometry.arrays import numbers
+
+    array = numbers("points", points)
+    if array.size and (array.ndim != 2 or array.shape[1] != 3):
+        raise Error(f"points must have shape (n, 3), not {array.shape}")
     with np.errstate(over="ignore", invalid="ignore"):
-        rounded = np.ascontiguousarray(points, np.float32)
-        if rounded.size == 0 or points.dtype == np.float32:
+        rounded = np.ascontiguousarray(array, np.float32)
+        if rounded.size == 0 or array.dtype == np.float32:
             return zero_origin(), rounded
-        used = slice(None) if triangles is None else _used(len(points), triangles)
-        origin = _origin(points[used], rounded[used])
+        used = slice(None) if triangles is None else _used(len(array), triangles)
+        origin = _origin(array[used], rounded[used])
         if origin.any():
-            rounded = (points - origin).astype(np.float32)
+            rounded = (array - origin).astype(np.float32)
         return origin, rounded
 
 

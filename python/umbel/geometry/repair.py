@@ -12,7 +12,7 @@ import numpy as np
 
 from umbel import _umbel
 from umbel.errors import Error
-from umbel.geometry.arrays import about, as_mesh, mesh_of, native, rows, thread_count
+from umbel.geometry.arrays import about, as_mesh, mesh_of, native, number, rows, thread_count
 from umbel.geometry.mesh import Mesh
 
 Progress = Callable[[float, str], "bool | None"]
@@ -63,7 +63,9 @@ def snap(mesh: Any, step: float) -> tuple[Mesh, float]:
     """The mesh with positions rounded to multiples of `step` (a power of two, in the mesh's
     unit), and the largest distance that a vertex moved."""
     given = as_mesh(mesh)
-    positions, moved = _umbel.snap_to_grid(rows("positions", given.positions, 3), step)
+    positions, moved = _umbel.snap_to_grid(
+        rows("positions", given.positions, 3), number("step", step)
+    )
     return replace(given, positions=positions), moved
 
 

@@ -47,7 +47,7 @@ def arrange(scene: Any, instances: str = "auto", allow_outside: bool = False) ->
         return _keep_instances(scene)
     lost = scene.merge_loss() if instances == "auto" else ""
     if lost:
-        sentence = f"{scene.name}: {lost}; --instances on keeps its nodes"
+        sentence = f"{scene.name}: {lost}; instances='on' keeps its nodes"
         warnings.warn(sentence, LoadWarning, stacklevel=3)
     return scene_of(scene.flatten())
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
-from umbel.geometry.arrays import indices, mesh_of
+from umbel.geometry.arrays import indices, mesh_of, whole
 from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Material, Mesh
 from umbel.geometry.origin import zero_origin
@@ -138,7 +138,7 @@ class Asset(HasTables):
 
     def mesh_tables(self, mesh: int) -> Tables:
         """Levels, groups, clusters and nodes of one mesh."""
-        return Tables(self._native.mesh_tables(mesh), self._mesh_origin)
+        return Tables(self._native.mesh_tables(whole("mesh", mesh)), self._mesh_origin)
 
     def mesh(self, cut: ArrayLike, mesh: int = 0) -> Mesh:
         """A cut of one of the meshes as an ordinary mesh, its clusters joined where they meet."""
@@ -155,7 +155,7 @@ class Asset(HasTables):
         found: _umbel.FoundCut | None = None,
     ) -> Mesh:
         if found is None:
-            arrays = self._native.mesh(indices("cut", cut), mesh)
+            arrays = self._native.mesh(indices("cut", cut), whole("mesh", mesh))
         else:
             arrays = self._native.found_mesh(found)
         name = self.info["metadata"].get("name", "")
@@ -215,4 +215,5 @@ class Asset(HasTables):
 
     def cluster(self, index: int, mesh: int = 0) -> Mesh:
         """The triangles of one cluster."""
-        return mesh_of(self._native.geometry(index, mesh), [], origin=self._mesh_origin)
+        arrays = self._native.geometry(whole("index", index), whole("mesh", mesh))
+        return mesh_of(arrays, [], origin=self._mesh_origin)

@@ -37,7 +37,7 @@ class InstanceStep:
 class InstanceSelector:
     """Selects from an asset's tree of instances, and keeps the pages of it that were read.
 
-    max_bytes: about how many bytes of pages that the last step did not show are kept.
+    max_bytes: about how many bytes of pages that the last step did not show are kept; 0: all.
     """
 
     def __init__(self, asset: Asset, max_bytes: int = 64 << 20) -> None:

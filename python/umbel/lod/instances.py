@@ -202,7 +202,7 @@ def _cuts(asset: Asset, view: _umbel.View) -> list[InstanceCut]:
 
 def _tree_cuts(asset: Asset, view: _umbel.View) -> list[InstanceCut]:
     """What a view shows of a tree of instances, whole."""
-    shown = shown_instances(asset, _umbel.InstanceSelector(asset._native, 0), view)
+    shown = shown_instances(asset, _umbel.InstanceSelector(asset._native, 1), view)
     matrices: NDArray[Any] = shown.transforms
     if asset.origin.any():
         matrices = matrices.astype(np.float64)

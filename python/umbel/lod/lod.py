@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from umbel import _umbel
 from umbel.geometry.arrays import indices, mesh_of
 from umbel.geometry.mesh import Material, Mesh
-from umbel.geometry.origin import zero_origin
+from umbel.geometry.origin import origin_of, zero_origin
 from umbel.io.gltf.tree import is_trivial
 from umbel.lod.save import Savable
 from umbel.lod.tables import HasTables
@@ -38,7 +38,7 @@ class Lod(HasTables, Savable):
         origin: NDArray[np.float64] | None = None,
     ) -> None:
         self._native = dag
-        self.origin = zero_origin() if origin is None else origin
+        self.origin = zero_origin() if origin is None else origin_of(origin)
         """Where the mesh lies: tables are relative to it."""
         self._materials = materials
         self._name = name

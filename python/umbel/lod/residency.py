@@ -11,13 +11,17 @@ from numpy.typing import NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
+from umbel.geometry.arrays import whole
 from umbel.geometry.camera import Camera
 from umbel.lod.asset import Asset
+
+_MOST = 2**64 - 1  # bytes
 
 
 class Residency:
     """Which pages of an asset are in memory. Each step says what views would show; what is not
-    there yet is shown coarser, without holes, and loads in the background.
+    there yet is shown coarser, without holes, and loads in the background. Numbers of bytes, loads,
+    evictions, groups and attempts may be 0: no limit.
 
     budget: most bytes of pages, as they are in the file; those of the root groups count.
     loads_in_flight: pages asked for and not there yet.
@@ -50,7 +54,7 @@ class Residency:
         self.asset = asset
         self._native = _umbel.Residency(
             asset._native,
-            budget,
+            whole("budget", budget, _MOST),
             loads_in_flight,
             bytes_per_step,
             evictions_per_step,
@@ -93,7 +97,7 @@ class Residency:
     def cut(self, view: int = 0) -> NDArray[np.uint32]:
         """The clusters that a view of the last step shows, ascending, by their numbers in its
         mesh's tables."""
-        return self._native.clusters(view)
+        return self._native.clusters(whole("view", view))
 
     @property
     def resident_pages(self) -> NDArray[np.uint32]:
@@ -117,7 +121,7 @@ class Residency:
 
     def set_budget(self, budget: int) -> None:
         """Changes the budget; the next steps keep to it as pages come."""
-        self._native.set_budget(budget)
+        self._native.set_budget(whole("budget", budget, _MOST))
 
     def close(self) -> None:
         """Ends loading; what is there stays."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from umbel.geometry.origin import origin_of
 from umbel.io.scene import Scene
 from umbel.lod.arrange import is_single, matrix_rounding, mesh_instances, scene_boxes
 from umbel.lod.instances import scale_ranges
@@ -22,7 +23,7 @@ class SceneLod(Savable):
         """`step`: that of the scene's grid, where it has one of its own."""
         single = is_single(scene)
         self.lods = lods
-        self.origin = scene.meshes[0].origin if single else scene_boxes(scene).origin
+        self.origin = origin_of((scene.meshes[0] if single else scene_boxes(scene)).origin)
         """The origin of an asset of it, in world coordinates."""
         self.coordinates = scene.meshes[0].coordinates
         """See `Mesh.coordinates`."""

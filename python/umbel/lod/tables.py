@@ -221,7 +221,7 @@ class Tables:
         if name == "clusters":
             costs = np.ones(len(self.clusters), np.uint32)
         elif name == "bytes":
-            costs = _umbel.byte_costs(self._native, vertex_bytes)
+            costs = _umbel.byte_costs(self._native, whole("vertex_bytes", vertex_bytes))
         else:
             costs = np.ascontiguousarray(self.clusters["triangle_count"])
         return _Budget(name, most, costs, None)

@@ -4,6 +4,7 @@ with a small tree of its own, however many instances show it."""
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -28,8 +29,9 @@ from umbel.lod.residency import Residency
 from umbel.trace.renderer import Renderer
 from umbel.trace.shading import Environment, Shading, matching
 
-_PAGES = 1 / 6
-"""Share of a budget that pages may take, as they are in the file, while the cut is chosen."""
+_PAGES = 6
+"""One of so many parts of a budget may go to pages, as they are in the file, while the cut is
+chosen."""
 _BYTES_A_TRIANGLE, _BYTES_A_VERTEX, _BYTES_A_CLUSTER, _BYTES_AN_INSTANCE = 110, 12, 160, 60
 """What is traced takes, at most."""
 _MOST_UV_SETS = 7
@@ -78,7 +80,7 @@ class CutRenderer(Renderer):
             local = (self.mesh.world_positions - self.origin).astype(np.float32)
             self.mesh = replace(self.mesh, positions=local, origin=self.origin)
         camera = camera.relative_to(self.origin)
-        residency = Residency(asset, max(int(budget * _PAGES), 1), groups_per_step=(1 << 32) - 1)
+        residency = _resident(asset, budget)
         factors = [1.0] if bounce_error == 1 else [1.0, bounce_error]
         planes = _wide_frustum(camera, aspect) if aspect and len(factors) > 1 else None
         self.pixel_error, self.estimate, cuts = _settle(
@@ -116,6 +118,18 @@ class CutRenderer(Renderer):
     def bytes(self) -> int:
         """Bytes of all that rays touch."""
         return self._scene.bytes
+
+
+def _resident(asset: Asset, budget: int) -> Residency:
+    """The pages, in their part of the budget."""
+    try:
+        return Residency(asset, max(budget // _PAGES, 1), groups_per_step=(1 << 32) - 1)
+    except Error as error:
+        pages = re.search(r"pages of the root groups take (\d+)", str(error))
+        if pages is None:
+            raise
+        least = _PAGES * int(pages[1])
+        raise Error(f"budget is {budget}, but the coarsest pages need at least {least}") from None
 
 
 def _shading_of(asset: Asset) -> Shading:

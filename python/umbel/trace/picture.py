@@ -68,19 +68,23 @@ def save_picture(
         raise Error(f"{file}: pictures are {' or '.join(FORMATS)}, not '{file.suffix}'")
 
 
+def feature_paths(picture: Path) -> tuple[Path, Path]:
+    """Where `save_features` writes albedo and normals."""
+    albedo, normal = (
+        picture.with_name(f"{picture.stem}-{name}{picture.suffix}") for name in ("albedo", "normal")
+    )
+    return albedo, normal
+
+
 def save_features(
     path: str | os.PathLike[str], albedo: ArrayLike, normal: ArrayLike
 ) -> tuple[Path, Path]:
     """Writes albedo and normals beside a picture's name, as NAME-albedo and NAME-normal. As .exr
     they are what `Film.features` gives; as .png the albedo is in sRGB, and normals are
     128 + 127 n."""
-    file = Path(path)
-    paths = (
-        file.with_name(f"{file.stem}-albedo{file.suffix}"),
-        file.with_name(f"{file.stem}-normal{file.suffix}"),
-    )
+    paths = feature_paths(Path(path))
     colors, normals = _rgb(albedo), _rgb(normal)
-    if file.suffix.lower() == ".exr":
+    if paths[0].suffix.lower() == ".exr":
         _save_exr(paths[0], colors)
         _save_exr(paths[1], normals)
     else:

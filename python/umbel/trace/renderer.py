@@ -15,7 +15,7 @@ from umbel.errors import Error
 from umbel.geometry.arrays import as_mesh, native, thread_count
 from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Mesh
-from umbel.geometry.origin import zero_origin
+from umbel.geometry.origin import origin_of, zero_origin
 from umbel.geometry.repair import Progress
 from umbel.trace.shading import Environment, Shading, axes_of, plain, triple, without
 
@@ -64,7 +64,7 @@ class Renderer:
         threads: int = 0,
     ) -> None:
         self.mesh = without(as_mesh(mesh), hide)
-        self.origin = self.mesh.origin
+        self.origin = origin_of(self.mesh.origin)
         """Where what is traced lies in the world."""
         self.up = up
         shading = Shading(self.mesh)

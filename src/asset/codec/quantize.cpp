@@ -8,6 +8,7 @@
 #include "asset/codec/vertex_codec.hpp"
 #include "base/bytes.hpp"
 #include "base/math.hpp"
+#include "base/srgb.hpp"
 
 namespace umbel::asset {
 namespace {
@@ -86,13 +87,6 @@ Vec4 decoded_tangent(const int32_t* in, const TangentPlane& plane, uint32_t bits
 
 // ---- colours (IEC 61966-2-1)
 
-float to_srgb(float linear) {
-  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
-}
-float from_srgb(float s) {
-  return s <= 0.04045f ? s / 12.92f : std::pow((s + 0.055f) / 1.055f, 2.4f);
-}
-
 /// Values of colours' integers. Those of 8 bits come from a table: powers take most of the time.
 class LinearColors {
  public:
@@ -103,7 +97,7 @@ class LinearColors {
   float plain(int32_t i) const { return static_cast<float>(i) * scale_; }
   float from_srgb(int32_t i) const {
     if (table_ != nullptr && static_cast<uint32_t>(i) < 256) return table_[i];
-    return asset::from_srgb(plain(i));
+    return umbel::from_srgb(plain(i));
   }
 
  private:
@@ -111,7 +105,7 @@ class LinearColors {
     static const std::array<float, 256> table = [] {
       std::array<float, 256> values;
       for (int i = 0; i < 256; ++i)
-        values[i] = asset::from_srgb(static_cast<float>(i) * (1.0f / 255.0f));
+        values[i] = umbel::from_srgb(static_cast<float>(i) * (1.0f / 255.0f));
       return values;
     }();
     return table.data();

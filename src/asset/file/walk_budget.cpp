@@ -87,7 +87,9 @@ class Budget {
     for (bool is_first = true;; is_first = false) {
       const bool is_last = queue_.empty() || queue_.top().key <= least;
       const float value = is_last ? least : queue_.top().key;
-      if (triangles_ > most) return is_first ? value : fits;
+      if (triangles_ > most && is_first)
+        return view_.kind == lod::View::Kind::kError ? value : kInfinity;
+      if (triangles_ > most) return fits;
       if (is_last) return least;
       fits = value;
       refine(value);
@@ -180,7 +182,8 @@ lod::View view_for_triangles(const Asset& asset, const lod::View& view, uint64_t
   lod::View result = view;
   float& value = view.kind == lod::View::Kind::kError ? result.error : result.threshold;
   value = Budget(asset, view, instances).find(value, max_triangles);
-  return result;
+  // No threshold is large enough for groups around the eye.
+  return value == kInfinity ? lod::view_error(kInfinity) : result;
 }
 
 }  // namespace umbel

@@ -118,7 +118,7 @@ DynamicTree::DynamicTree(const CostModel& cost) : data_(std::make_unique<Data>()
 }
 DynamicTree::~DynamicTree() = default;
 // What was moved from stays a tree without primitives.
-DynamicTree::DynamicTree(DynamicTree&& other) noexcept : DynamicTree() { data_.swap(other.data_); }
+DynamicTree::DynamicTree(DynamicTree&& other) : DynamicTree() { data_.swap(other.data_); }
 DynamicTree& DynamicTree::operator=(DynamicTree&& other) noexcept {
   data_.swap(other.data_);
   return *this;

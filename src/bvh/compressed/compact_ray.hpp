@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "base/math.hpp"
 #include "bvh/compressed/compact_traverse.hpp"
 #include "query/woop_triangle.hpp"
 #include "umbel/triangle_queries.hpp"
@@ -40,26 +41,26 @@ struct CompactFrame {
 
   /// False where the ray can hit nothing.
   UMBEL_HOST_DEVICE bool make(const CompactInfo& info, const Ray& ray) {
-    constexpr float kMax = std::numeric_limits<float>::max();
+    if (!is_finite(ray.origin) || !is_finite(ray.direction) || !(ray.t_min <= ray.t_max))
+      return false;
     float d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
-    float a[3], away[3];
+    float a[3], most[3];
     for (uint32_t k = 0; k < 3; ++k) {
       a[k] = std::fabs(d[k]);
-      away[k] = std::fabs(along(ray.origin, k));
+      most[k] = std::fabs(along(ray.origin, k));
     }
-    // Written so that a NaN anywhere fails.
-    if (!((a[0] + away[0]) + (a[1] + away[1]) + (a[2] + away[2]) <= kMax) ||
-        !(ray.t_min <= ray.t_max))
-      return false;
     float largest = larger(larger(a[0], a[1]), a[2]);
     if (!(largest > 0.0f)) return false;
+    add_tree(info, most);
+    const float furthest = larger(larger(most[0], most[1]), most[2]);
     kz = a[0] > a[1] ? (a[0] > a[2] ? 0u : 2u) : (a[1] > a[2] ? 1u : 2u);
     origin = ray.origin;
     t_min = ray.t_min;
     t_max = ray.t_max;
     t_unit = 1.0f;
-    if (largest < 0x1p-20f || largest > 0x1p20f) {
-      const int exponent = clamp_exponent(exponent_of(largest));
+    const bool is_far = furthest > 0x1p66f;
+    if (largest < 0x1p-20f || largest > 0x1p20f || is_far) {
+      const int exponent = clamp_exponent(exponent_of(largest) - (is_far ? 40 : 0));
       t_unit = power_of_two(-exponent);
       const float inverse = power_of_two(exponent);
       t_min *= inverse;
@@ -70,30 +71,32 @@ struct CompactFrame {
       }
       largest *= t_unit;
     }
-    make_slabs(info, d, a, away, largest);
+    make_slabs(d, a, most, furthest, largest);
     make_shear(d);
     return true;
   }
 
  private:
-  UMBEL_HOST_DEVICE void make_slabs(const CompactInfo& info, const float* d, const float* a,
-                                    const float* away, float largest) {
-    float max_abs[3], tree_furthest = 0;
+  /// Sets the scale of triangles, and adds the tree to the largest coordinates of each axis.
+  UMBEL_HOST_DEVICE void add_tree(const CompactInfo& info, float* most) {
+    float furthest = 0;
     for (uint32_t k = 0; k < 3; ++k) {
-      max_abs[k] =
+      const float max_abs =
           larger(std::fabs(along(info.bounds.min, k)), std::fabs(along(info.bounds.max, k)));
-      tree_furthest = larger(tree_furthest, max_abs[k]);
-      max_abs[k] = max_abs[k] > away[k] ? max_abs[k] : away[k];
+      furthest = larger(furthest, max_abs);
+      most[k] = larger(most[k], max_abs);
     }
     scale = unscale = 1;
-    if (tree_furthest > 0x1p20f || (tree_furthest < 0x1p-20f && tree_furthest > 0)) {
-      scale = power_of_two(clamp_exponent(-exponent_of(tree_furthest)));
+    if (furthest > 0x1p20f || (furthest < 0x1p-20f && furthest > 0)) {
+      scale = power_of_two(clamp_exponent(-exponent_of(furthest)));
       unscale = 1 / scale;
     }
-    const float furthest = larger(larger(max_abs[0], max_abs[1]), max_abs[2]);
+  }
+  UMBEL_HOST_DEVICE void make_slabs(const float* d, const float* a, const float* most,
+                                    float furthest, float largest) {
     const float smallest = 0x1p-40f * largest;
     for (uint32_t k = 0; k < 3; ++k) {
-      const float error_bound = max_abs[k] * 0x1p-20f + furthest * 0x1p-38f;
+      const float error_bound = most[k] * 0x1p-20f + furthest * 0x1p-38f;
       inv[k] = 1.0f / std::copysign(a[k] < smallest ? smallest : a[k], d[k]);
       error[k] = std::fabs(inv[k]) * error_bound;
       // Rounded once.

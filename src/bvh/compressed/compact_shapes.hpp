@@ -97,10 +97,10 @@ class BoxVisitor {
   /// False where nothing can be found.
   UMBEL_HOST_DEVICE bool begin(const CompactTree& tree, const Aabb& box) {
     tree_ = tree;
-    box_ = box;
+    box_ = finite_part(box);
     // Written so that a NaN fails.
-    return tree.info->nodes > 0 && box.min.x <= box.max.x && box.min.y <= box.max.y &&
-           box.min.z <= box.max.z;
+    return tree.info->nodes > 0 && box_.min.x <= box_.max.x && box_.min.y <= box_.max.y &&
+           box_.min.z <= box_.max.z;
   }
 
   UMBEL_HOST_DEVICE static float limit() { return 1; }

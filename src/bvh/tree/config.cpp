@@ -22,12 +22,6 @@ void check_range(const char* name, double value, double low, double high) {
                                                printed(high));
 }
 
-void check_cost(const char* name, float value) {
-  if (value > 0 && std::isfinite(value)) return;
-  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + printed(double(value)) +
-                                               ", but must be positive and finite");
-}
-
 void check_enum(const char* name, uint32_t value, uint32_t count) {
   if (value < count) return;
   throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
@@ -37,12 +31,21 @@ void check_enum(const char* name, uint32_t value, uint32_t count) {
 
 }  // namespace
 
+void check_cost(const CostModel& cost) {
+  const auto check = [](const char* name, float value) {
+    if (value > 0 && std::isfinite(value)) return;
+    throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + printed(double(value)) +
+                                                 ", but must be positive and finite");
+  };
+  check("cost.traversal", cost.traversal);
+  check("cost.intersection", cost.intersection);
+}
+
 void check_config(const Config& c, size_t primitives) {
   check_enum("builder", static_cast<uint32_t>(c.builder), 11);
   check_enum("invalid", static_cast<uint32_t>(c.invalid), 2);
   check_enum("kmeans.distance", static_cast<uint32_t>(c.kmeans.distance), 2);
-  check_cost("cost.traversal", c.cost.traversal);
-  check_cost("cost.intersection", c.cost.intersection);
+  check_cost(c.cost);
   check_range("max_leaf_size", c.max_leaf_size, 1, 255);
   check_range("max_depth", c.max_depth, 8, kDeepest);
   check_range("bins", c.bins, 4, 256);

@@ -12,6 +12,9 @@ namespace umbel::bvh {
 /// Nodes are numbered by 32 bits, and each leaf may need two.
 inline constexpr size_t kMaxPrimitives = (size_t{1} << 31) - 1;
 
+/// Throws kInvalidArgument, naming the field and its value, if a cost is not positive and finite.
+void check_cost(const CostModel& cost);
+
 /// Throws kInvalidArgument, naming the field and its value, if one is out of its range, and if
 /// `primitives` cannot be told apart within max_depth.
 void check_config(const Config& config, size_t primitives);

@@ -7,9 +7,11 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <thread>
 #include <utility>
 
 #include "base/parallel.hpp"
+#include "base/progress.hpp"
 #include "bvh/wide/triangle_bvh_data.hpp"
 #include "query/overlap.hpp"
 #include "query/triangle_pair.hpp"
@@ -27,10 +29,10 @@ constexpr size_t kTasks = 512;
 class Placement {
  public:
   Placement(const std::array<double, 12>& rows, const Aabb& bounds) : rows_(rows) {
-    constexpr std::array<double, 12> kIdentity = CollisionOptions{}.second_to_first;
+    const std::array<double, 12> identity = CollisionOptions{}.second_to_first;
     if (!std::all_of(rows.begin(), rows.end(), [](double x) { return std::isfinite(x); }))
       throw Error(ErrorCode::kInvalidArgument, "second_to_first has a value that is not finite");
-    is_identity_ = rows == kIdentity;
+    is_identity_ = rows == identity;
     if (is_identity_ || is_empty(bounds)) return;
     const Aabb all = box(bounds);
     const Vec3 furthest = max(all.max, all.min * -1.0f);
@@ -116,7 +118,10 @@ class Collider {
       : first_(first), second_(second), placement_(options.second_to_first, second.bounds) {}
 
   /// All pairs, sorted.
-  std::vector<TrianglePair> pairs() {
+  std::vector<TrianglePair> pairs(const BuildOptions& options) {
+    Progress progress(options);
+    const std::thread::id caller = std::this_thread::get_id();
+    std::atomic<size_t> done{0};
     std::vector<TrianglePair> all;
     if (is_nothing()) return all;
     const std::vector<PartPair> tasks = first_pairs();
@@ -124,6 +129,10 @@ class Collider {
     parallel_for(tasks.size(), 1, [&](size_t i) {
       std::vector<PartPair> waiting{tasks[i]};
       while (!waiting.empty()) step(waiting, found[i]);
+      const size_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
+      if (std::this_thread::get_id() == caller)
+        progress.report(static_cast<double>(finished) / static_cast<double>(tasks.size()),
+                        "colliding");
     });
     for (auto& part : found) {
       all.insert(all.end(), part.begin(), part.end());
@@ -249,7 +258,8 @@ std::vector<TrianglePair> collide(const Bvh& first, const Bvh& second,
                                   const CollisionOptions& options) {
   Collider collider(BvhAccess::data(first), BvhAccess::data(second), options);
   std::vector<TrianglePair> pairs;
-  with_threads(options.threads, [&] { pairs = collider.pairs(); });
+  const BuildOptions how{options.progress, options.threads};
+  with_threads(how.threads, [&] { pairs = collider.pairs(how); });
   return pairs;
 }
 

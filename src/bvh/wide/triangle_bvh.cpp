@@ -56,7 +56,7 @@ BvhData make_data(const bvh::Bvh2& tree, const MeshView& mesh, const BvhConfig& 
 Bvh::Bvh() : TriangleQueries(std::make_unique<Data>()) { prepare_rays(data(), Simd::kAuto); }
 Bvh::~Bvh() = default;
 // What was moved from stays a tree without triangles, so that every query on it has an answer.
-Bvh::Bvh(Bvh&& other) noexcept : Bvh() { swap(other); }
+Bvh::Bvh(Bvh&& other) : Bvh() { swap(other); }
 Bvh& Bvh::operator=(Bvh&& other) noexcept {
   swap(other);
   return *this;

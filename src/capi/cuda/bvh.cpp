@@ -3,6 +3,7 @@
 #include "capi/bvh_input.hpp"
 #include "capi/cuda/input.hpp"
 #include "capi/guard.hpp"
+#include "capi/structs.hpp"
 #include "umbel/cuda_bvh.hpp"
 #include "umbel/umbel_cuda_bvh.h"
 
@@ -11,7 +12,7 @@ namespace umbel::capi {
 static_assert(sizeof(umbel_compact_info) == sizeof(bvh::CompactInfo));
 
 cuda::DeviceBvhConfig bvh_config_of(const umbel_cuda_bvh_config* given) {
-  const umbel_cuda_bvh_config& c = sized_config(given, "umbel_cuda_bvh_config_init");
+  const umbel_cuda_bvh_config c = read_struct(given, "config");
   cuda::DeviceBvhConfig config;
   config.builder = static_cast<cuda::DeviceBuilder>(c.builder);
   config.cost = {c.traversal_cost, c.intersection_cost};

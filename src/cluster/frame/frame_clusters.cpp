@@ -31,7 +31,8 @@ cluster::CheckedFrameConfig cluster::CheckedFrameConfig::of(const FrameClusterCo
                                                             uint64_t triangles) {
   const bool is_hybrid = config.method == FrameMethod::kHybrid;
   if (!is_hybrid && config.method != FrameMethod::kMorton)
-    refuse("method must be kMorton or kHybrid");
+    refuse("method is " + std::to_string(static_cast<uint32_t>(config.method)) +
+           ", but must be 0 (Morton) or 1 (hybrid)");
   if (triangles > kMostTriangles)
     throw Error(ErrorCode::kUnsupported, "there are " + std::to_string(triangles) +
                                              " triangles, but at most " +

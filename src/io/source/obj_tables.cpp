@@ -144,6 +144,7 @@ class Writer final : public ObjSink {
     }
     layout.has_materials = !names.empty();
     part.color_divisor = largest_color_ > kMostBright ? 255.0f : 1.0f;
+    part.are_colors_srgb = true;
     layout.parts.push_back(std::move(part));
     return layout;
   }

@@ -10,6 +10,7 @@
 #include "base/bytes.hpp"
 #include "base/hash.hpp"
 #include "base/interner.hpp"
+#include "base/srgb.hpp"
 #include "io/source/gather.hpp"
 #include "io/source/vertex_numbers.hpp"
 
@@ -228,9 +229,12 @@ class PartReader {
     if (!streams_.extras.empty()) add_extras(block);
     if (!streams_.colors) return;
     const bool has_alpha = part_.colors.offsets.size() == 4;
-    const float divisor = part_.color_divisor;
+    const auto linear = [&](float value) {
+      const float color = value / part_.color_divisor;
+      return part_.are_colors_srgb ? from_srgb(color) : color;
+    };
     add_stream(part_.colors, vertices_, block, block.colors, Vec4{1, 1, 1, 1}, [&](const float* p) {
-      return Vec4{p[0] / divisor, p[1] / divisor, p[2] / divisor, has_alpha ? p[3] : 1.0f};
+      return Vec4{linear(p[0]), linear(p[1]), linear(p[2]), has_alpha ? p[3] : 1.0f};
     });
   }
 

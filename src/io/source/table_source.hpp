@@ -33,6 +33,7 @@ struct TablePart {
   uint32_t material = 0;              ///< of all triangles, or what is added to `materials`
   uint32_t default_material = kNone;  ///< of rows of `materials` that are kNone
   float color_divisor = 1.0f;         ///< of all values but alpha
+  bool are_colors_srgb = false;       ///< else linear; alpha is
   /// Three rows of four: where the part's vertices are in the world.
   std::optional<std::array<double, 12>> transform;
 

@@ -62,8 +62,14 @@ void append_events(const Tables& tables, const Costs& costs, const Seen& seen,
   }
 }
 
-// The smallest value, at least `least`, at which the sum of all events up to it fits.
-float first_that_fits(std::vector<Event>& events, float least, uint64_t budget) {
+struct Fit {
+  float value;
+  bool fits;
+};
+
+// The smallest value, at least `least`, at which the sum of all events up to it fits; the last
+// where none does.
+Fit first_that_fits(std::vector<Event>& events, float least, uint64_t budget) {
   std::sort(events.begin(), events.end(),
             [](const Event& a, const Event& b) { return a.at < b.at; });
   const int64_t most = static_cast<int64_t>(std::min<uint64_t>(budget, INT64_MAX));
@@ -72,7 +78,7 @@ float first_that_fits(std::vector<Event>& events, float least, uint64_t budget) 
   float value = least;
   for (;; value = events[i].at) {
     for (; i < events.size() && events[i].at <= value; ++i) cost += events[i].cost;
-    if (cost <= most || i == events.size()) return value;
+    if (cost <= most || i == events.size()) return {value, cost <= most};
   }
 }
 
@@ -137,8 +143,10 @@ View view_for_budget(const Tables& tables, const View& view, const Costs& costs,
     append_events(tables, costs, see(view, culling, transform), culling.normal_cones, events);
   View result = view;
   float& value = view.kind == View::Kind::kError ? result.error : result.threshold;
-  value = first_that_fits(events, value, budget);
-  return result;
+  const Fit found = first_that_fits(events, value, budget);
+  value = found.value;
+  // No threshold is large enough for groups around the eye.
+  return found.fits || view.kind == View::Kind::kError ? result : view_error(kInfinity);
 }
 
 float error_for_triangles(const Tables& tables, uint64_t max_triangles) {

@@ -3,7 +3,6 @@
 // holes exactly if with each group all are in it that have clusters made from that group; so only
 // such groups may follow.
 #include <algorithm>
-#include <limits>
 #include <queue>
 #include <utility>
 
@@ -222,15 +221,9 @@ BudgetCuts select_for_budget(const Tables& tables, const View& view, const Costs
     result.cost = 0;
     for (const auto& cut : clusters) result.cost += cost_of(tables, costs, cut);
   };
-  const auto start_from = [&](const View& fitted) {
-    result.view = fitted;
-    cuts = instance_cuts(tables, generated, costs, view, fitted, culling, instances);
-    gather();
-  };
-  start_from(view_for_budget(tables, view, costs, budget, culling, instances));
-  // No threshold leaves a group as it is whose sphere has the eye inside; an error does.
-  if (result.cost > budget && view.kind == View::Kind::kCamera)
-    start_from(view_error(std::numeric_limits<float>::infinity()));
+  result.view = view_for_budget(tables, view, costs, budget, culling, instances);
+  cuts = instance_cuts(tables, generated, costs, view, result.view, culling, instances);
+  gather();
   if (result.cost < budget) {
     refine_what_fits(cuts, budget - result.cost);
     gather();

@@ -5,6 +5,8 @@
 #include <numeric>
 #include <utility>
 
+#include "lod/dag/topology.hpp"
+
 namespace umbel::lod {
 namespace {
 
@@ -111,6 +113,22 @@ float GroupComponents::restore(size_t most_triangles, std::vector<Triangle>& tri
   for (const Triangle& t : group_.triangles)
     if (state[of(t)] == kRestored) triangles.push_back(t);
   return left / scale;
+}
+
+bool GroupComponents::restore_held(std::vector<Triangle>& triangles) {
+  std::vector<uint8_t> is_lost(group_.position_count());
+  for (uint32_t p = 0; p < is_lost.size(); ++p) is_lost[p] = group_.locked[p] == kHeld;
+  for (const Triangle& t : triangles)
+    for (uint32_t p : group_.positions_of(t)) is_lost[p] = 0;
+  if (std::find(is_lost.begin(), is_lost.end(), 1) == is_lost.end()) return false;
+  find();
+  std::vector<uint8_t> comes_back(components_.size(), 0);
+  for (uint32_t p = 0; p < is_lost.size(); ++p)
+    if (is_lost[p]) comes_back[of_positions_[p]] = 1;
+  std::erase_if(triangles, [&](const Triangle& t) { return comes_back[of(t)] != 0; });
+  for (const Triangle& t : group_.triangles)
+    if (comes_back[of(t)]) triangles.push_back(t);
+  return true;
 }
 
 }  // namespace umbel::lod

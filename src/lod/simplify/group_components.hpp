@@ -49,6 +49,10 @@ class GroupComponents {
   /// thin or flat one say, it was nowhere nearer to what is left than that.
   float restore(size_t most_triangles, std::vector<Triangle>& triangles) const;
 
+  /// Puts back, as they were, the components that have no triangle left at a position that the
+  /// caller holds; whether there were any.
+  bool restore_held(std::vector<Triangle>& triangles);
+
  private:
   GroupMesh& group_;
   bool is_known_ = false;

@@ -45,6 +45,9 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
                 decimate_by_caller(decimate_, target, worthwhile, group_, check_, best);
     result.limiting_factor = by_caller ? LimitingFactor::kCaller : try_methods(target, good, best);
   }
+  // A component may shrink to the only one of its positions that is held.
+  if (!by_caller && !best.renews_positions && components_.restore_held(best.triangles))
+    result.limiting_factor = LimitingFactor::kLocked;
   if (!best.valid || best.triangles.size() > worthwhile) return result;
   result.done = true;
   if (best.removed_radius > 0)

@@ -113,6 +113,23 @@ TEST(CapiBvh2, arrays_that_are_too_small_are_left_alone_and_say_what_they_need) 
   }
 }
 
+TEST(CapiBvh2, what_no_build_takes_requires_nothing) {
+  umbel_bvh2_capacity room;
+  umbel_bvh2_capacity_init(&room);
+  const auto refused = [&](auto change, const char* named) {
+    umbel_bvh_config config;
+    umbel_bvh_config_init(&config);
+    change(config);
+    expect_failure(umbel_bvh2_requirements(1000, &config, &room), UMBEL_ERROR_INVALID_ARGUMENT,
+                   named);
+    EXPECT_EQ(room.nodes, 0u);
+  };
+  refused([](auto& c) { c.builder = 77; }, "builder is 77");
+  refused([](auto& c) { c.spatial_budget = 5; }, "spatial_budget is 5");
+  refused([](auto& c) { c.spatial_budget = kNan; }, "spatial_budget is nan");
+  refused([](auto& c) { c.max_depth = 8; }, "max_depth is 8");
+}
+
 TEST(CapiBvh2, spatial_splits_fit_what_they_require) {
   Call call(large_triangles(500));
   call.config.builder = UMBEL_BVH_SPATIAL;

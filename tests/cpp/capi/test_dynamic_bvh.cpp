@@ -293,6 +293,18 @@ TEST(CapiDynamicTree, rays_meet_the_boxes_that_brute_force_finds) {
   EXPECT_TRUE(none.seen.empty());
 }
 
+TEST(CapiDynamicTree, rays_may_have_any_finite_origin_and_direction) {
+  const std::vector<Aabb> boxes{{{1e38f, 1e38f, 1e38f}, {2e38f, 2e38f, 2e38f}}};
+  const OwnedTree tree = built(boxes);
+  for (const umbel_ray& ray : {umbel_ray{{1.5e38f, 1.5e38f, 1.5e38f}, 0, {0, 0, -1}, INFINITY},
+                               umbel_ray{{0, 0, 0}, 0, {1.5e38f, 1.5e38f, 1.5e38f}, INFINITY}}) {
+    RaySearch search{boxes, ray, {}};
+    ASSERT_EQ(umbel_dynamic_tree_traverse_ray(tree.get(), &ray, all_hits, &search, nullptr),
+              UMBEL_OK);
+    EXPECT_EQ(search.seen.size(), 1u);
+  }
+}
+
 TEST(CapiDynamicTree, mistakes_are_told_and_change_nothing) {
   const std::vector<Aabb> boxes = random_boxes(100, 10);
   const OwnedTree tree = built(boxes);

@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <string>
 
+#include "capi/newer.hpp"
 #include "umbel/frame_clusters.hpp"
 #include "umbel/umbel_frame_clusters.h"
 
@@ -108,6 +110,25 @@ TEST(FrameClustersInC, vertices_are_those_of_cpp) {
             UMBEL_ERROR_CAPACITY);
 }
 
+TEST(FrameClustersInC, newer_callers_are_served_while_what_is_new_is_zero) {
+  auto config = testing::newer(umbel_frame_config_init_sized);
+  uint32_t most = 0;
+  EXPECT_EQ(umbel_frame_max_clusters(1000, &config.known, &most), UMBEL_OK) << umbel_last_error();
+  EXPECT_EQ(most, max_frame_clusters(1000, {}));
+  config.fresh[3] = 1;
+  EXPECT_EQ(umbel_frame_max_clusters(1000, &config.known, &most), UMBEL_ERROR_UNSUPPORTED);
+}
+
+TEST(FrameClustersInC, no_limit_of_vertices_has_two_names) {
+  umbel_frame_config config;
+  umbel_frame_config_init(&config);
+  EXPECT_EQ(config.max_vertices, UMBEL_NO_LIMIT);
+  uint32_t most = 0;
+  config.max_vertices = UMBEL_NONE;
+  EXPECT_EQ(umbel_frame_max_clusters(1000, &config, &most), UMBEL_OK) << umbel_last_error();
+  EXPECT_EQ(most, max_frame_clusters(1000, {}));
+}
+
 TEST(FrameClustersInC, mistakes_are_named) {
   const Mesh mesh = shapes::sphere(1);
   const size_t n = mesh.positions.size();
@@ -118,7 +139,20 @@ TEST(FrameClustersInC, mistakes_are_named) {
   EXPECT_EQ(umbel_frame_clusterer_create(wrong, 1, 3, nullptr, &none), UMBEL_ERROR_INVALID_MESH);
   EXPECT_EQ(none, nullptr);
   umbel_frame_config config{};
-  EXPECT_EQ(umbel_frame_clusterer_create(wrong, 1, 9, &config, &none), UMBEL_ERROR_UNSUPPORTED);
+  EXPECT_EQ(umbel_frame_clusterer_create(wrong, 1, 9, &config, &none),
+            UMBEL_ERROR_INVALID_ARGUMENT);
+  umbel_frame_config_init(&config);
+  config.method = 7;
+  EXPECT_EQ(umbel_frame_clusterer_create(wrong, 1, 9, &config, &none),
+            UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_STREQ(umbel_last_error(), "method is 7, but must be 0 (Morton) or 1 (hybrid)");
+  // Three times that is 2.
+  const size_t many = 0x5555'5555'5555'5556;
+  EXPECT_EQ(umbel_frame_clusterer_create(wrong, many, 9, nullptr, &none),
+            UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_STREQ(
+      umbel_last_error(),
+      ("triangles is " + std::to_string(many) + ", more than 32-bit indices can name").c_str());
   const Clusterer c(mesh, nullptr);
   EXPECT_EQ(umbel_frame_clusterer_build(nullptr, as_c(mesh.positions), n, 0, nullptr),
             UMBEL_ERROR_INVALID_ARGUMENT);

@@ -126,6 +126,22 @@ TEST(CInstanceTree, step_reads_nothing_and_load_reads_what_is_missing) {
   EXPECT_EQ(step.stand_ins, 0u);
 }
 
+TEST(CInstanceTree, no_limit_keeps_what_was_read) {
+  const OpenedForest c;
+  const umbel_lod_view near = view_error(0), far = view_error(1e30f);
+  for (const size_t max_bytes : {size_t{UMBEL_NO_LIMIT}, size_t{UMBEL_NONE}, SIZE_MAX, size_t{1}}) {
+    umbel_instance_selector* selector = nullptr;
+    ASSERT_EQ(umbel_instance_selector_create(c.asset, max_bytes, &selector), UMBEL_OK);
+    umbel_instance_step step;
+    umbel_instance_step_init(&step);
+    EXPECT_EQ(umbel_instance_selector_settle(selector, &near, nullptr, 0, &step), UMBEL_OK);
+    EXPECT_EQ(umbel_instance_selector_step(selector, &far, nullptr, 0, &step), UMBEL_OK);
+    EXPECT_EQ(umbel_instance_selector_step(selector, &near, nullptr, 0, &step), UMBEL_OK);
+    EXPECT_EQ(step.missing_count > 0, max_bytes == 1) << max_bytes;
+    umbel_instance_selector_free(selector);
+  }
+}
+
 TEST(CInstanceTree, views_and_planes_are_those_of_the_cpp_interface) {
   const Transform transform{{0, 0, 2, 5, 0, 2, 0, -1, -2, 0, 0, 3}};
   umbel_transform given;
@@ -143,6 +159,19 @@ TEST(CInstanceTree, views_and_planes_are_those_of_the_cpp_interface) {
   const Plane same = lod::to_object(Plane{{0, 1, 0}, 4}, transform);
   EXPECT_EQ((Vec3{moved.normal.x, moved.normal.y, moved.normal.z}), same.normal);
   EXPECT_EQ(moved.offset, same.offset);
+}
+
+TEST(CInstanceTree, transforms_that_are_not_finite_are_named) {
+  umbel_transform moved{{1, 0, 0, NAN, 0, 1, 0, 0, 0, 0, 1, 0}};
+  const umbel_lod_view view = view_error(1);
+  umbel_lod_view made{};
+  EXPECT_EQ(umbel_lod_view_in_instance(&view, &moved, &made), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_STREQ(umbel_last_error(), "transform has a NaN or infinite value");
+  moved.rows[3] = INFINITY;
+  const umbel_plane plane{{0, 1, 0}, 4};
+  umbel_plane out{};
+  EXPECT_EQ(umbel_lod_plane_in_instance(&plane, &moved, &out), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_STREQ(umbel_last_error(), "transform has a NaN or infinite value");
 }
 
 TEST(CInstanceTree, mistakes_get_a_sentence) {

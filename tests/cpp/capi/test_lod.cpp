@@ -202,6 +202,36 @@ TEST(LodFromC, budgets_and_instances_are_those_of_cpp) {
   EXPECT_TRUE(std::isnan(umbel_angular_error(-1, 2)));
 }
 
+TEST(LodFromC, instances_that_cannot_be_are_named) {
+  const auto lod = built(blob(), small_config());
+  const umbel_lod_tables* tables = umbel_lod_get_tables(lod.get());
+  umbel_lod_view view, fitting;
+  ASSERT_EQ(umbel_lod_view_error(0, &view), UMBEL_OK);
+  umbel_lod_budget budget;
+  umbel_lod_budget_init(&budget);
+  const umbel_transform all[] = {{{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}},
+                                 {{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, NAN}}};
+  uint32_t offsets[3];
+  size_t count = 0;
+  const auto expect_named = [](umbel_result result, const std::string& sentence) {
+    EXPECT_EQ(result, UMBEL_ERROR_INVALID_ARGUMENT);
+    EXPECT_EQ(umbel_last_error(), sentence);
+  };
+  const char* const second = "instances[1] has a NaN or infinite value";
+  expect_named(
+      umbel_lod_select_instances(tables, &view, nullptr, all, 2, offsets, nullptr, 0, &count),
+      second);
+  expect_named(umbel_lod_view_for_budget(tables, &view, &budget, nullptr, all, 2, &fitting),
+               second);
+  expect_named(umbel_lod_select_for_budget(tables, &view, &budget, nullptr, all, 2, offsets,
+                                           nullptr, 0, &count, nullptr),
+               second);
+  expect_named(
+      umbel_lod_select_instances(tables, &view, nullptr, all, SIZE_MAX, offsets, nullptr, 0,
+                                 &count),
+      "instance_count is " + std::to_string(SIZE_MAX) + ", more than 32-bit indices can name");
+}
+
 TEST(LodFromC, gives_cuts_as_meshes_and_files) {
   const Mesh mesh = blob();
   const auto lod = built(mesh, small_config());

@@ -73,6 +73,18 @@ TEST(CapiUniform, mistakes_are_told) {
   config.structure = UMBEL_UNIFORM_OCTREE;
   config.max_depth = 21;
   EXPECT_EQ(umbel_uniform_build(&call.mesh, &config, nullptr, &made), UMBEL_ERROR_INVALID_ARGUMENT);
+  for (const auto kind : {UMBEL_UNIFORM_GRID, UMBEL_UNIFORM_OCTREE, UMBEL_UNIFORM_INTERVALS})
+    for (const float cost : {0.0f, -1.0f, kNan, INFINITY}) {
+      umbel_uniform_config_init(&config);
+      config.structure = kind;
+      config.traversal_cost = cost;
+      expect_failure(umbel_uniform_build(&call.mesh, &config, nullptr, &made),
+                     UMBEL_ERROR_INVALID_ARGUMENT, "cost.traversal");
+      config.traversal_cost = 1;
+      config.intersection_cost = cost;
+      expect_failure(umbel_uniform_build(&call.mesh, &config, nullptr, &made),
+                     UMBEL_ERROR_INVALID_ARGUMENT, "cost.intersection");
+    }
   EXPECT_EQ(umbel_uniform_build(&call.mesh, nullptr, nullptr, nullptr),
             UMBEL_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(umbel_uniform_intersect(nullptr, nullptr, 0, nullptr, nullptr),

@@ -143,6 +143,20 @@ TEST(KdTreeBoxes, axis_aligned_rays_in_planes_between_boxes_find_all_neighbours)
     }
 }
 
+TEST(KdTreeBoxes, rays_may_have_any_finite_origin_and_direction) {
+  const Aabb box{{1e38f, 1e38f, 1e38f}, {2e38f, 2e38f, 2e38f}};
+  const Tree tree = kdtree::build(std::span(&box, 1));
+  for (const Ray& ray : {Ray{{1.5e38f, 1.5e38f, 1.5e38f}, 0, {0, 0, -1}},
+                         Ray{{0, 0, 0}, 0, {1.5e38f, 1.5e38f, 1.5e38f}}}) {
+    size_t visits = 0;
+    kdtree::traverse(tree, ray, [&](std::span<const uint32_t> primitives) {
+      visits += primitives.size();
+      return ray.t_max;
+    });
+    EXPECT_EQ(visits, 1u);
+  }
+}
+
 TEST(KdTreeBoxes, the_same_for_any_number_of_threads) {
   const std::vector<Aabb> boxes = random_boxes(20000, 5);
   const Tree one = kdtree::build(boxes, {}, with_thread_count(1));

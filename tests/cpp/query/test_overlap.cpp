@@ -101,6 +101,26 @@ TEST(BvhOverlap, regions_that_are_none_touch_nothing) {
   EXPECT_EQ(tree.overlaps(Aabb{{-9, -9, -9}, {9, 9, 9}}).size(), 320u);
 }
 
+TEST(BvhOverlap, boxes_with_infinite_sides_are_those_with_the_largest_floats) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  constexpr float kMost = std::numeric_limits<float>::max();
+  const Mesh mesh = shapes::sphere(2);
+  const auto half = brute_force(mesh, [](const Vec3& a, const Vec3& b, const Vec3& c) {
+    return std::max({a.x, b.x, c.x}) >= 0.25f;
+  });
+  const auto column = brute_force(mesh, [](const Vec3& a, const Vec3& b, const Vec3& c) {
+    return touches_box({{-0.5f, -0.5f, -kMost}, {0.5f, 0.5f, 0.1f}}, a, b, c);
+  });
+  EXPECT_GT(column.size(), 10u);
+  for (const Bvh& tree : trees_of(mesh)) {
+    const Vec3 everywhere{kInfinity, kInfinity, kInfinity};
+    EXPECT_EQ(tree.overlaps(Aabb{everywhere * -1, everywhere}).size(), mesh.triangles.size());
+    EXPECT_EQ(tree.overlaps(Aabb{{0.25f, -kInfinity, -kInfinity}, everywhere}), half);
+    EXPECT_EQ(tree.overlaps(Aabb{{-0.5f, -0.5f, -kInfinity}, {0.5f, 0.5f, 0.1f}}), column);
+    EXPECT_TRUE(tree.overlaps(Aabb{everywhere, everywhere}).empty());
+  }
+}
+
 TEST(BvhOverlap, a_box_touches_a_triangle_exactly_where_they_share_a_point) {
   const Vec3 a{0, 0, 0}, b{4, 0, 0}, c{0, 4, 0};
   EXPECT_TRUE(touches_box({{2, 2, 0}, {3, 3, 1}}, a, b, c));  // the edge's middle alone

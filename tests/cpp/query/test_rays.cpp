@@ -380,6 +380,42 @@ TEST(BvhOracle, no_ray_passes_between_triangles_at_any_scale) {
   }
 }
 
+TEST(BvhOracle, rays_along_axes_hit_flat_triangles_of_every_size) {
+  for (const BvhConfig& config : all_configs()) {
+    if (config.tree.builder != bvh::Builder::kBinned) continue;
+    for (int power = -27; power <= 37; ++power) {
+      const auto s = static_cast<float>(std::pow(10.0, power));
+      Mesh mesh;
+      mesh.positions = {{-s, -s, 0}, {2 * s, -s, 0}, {-s, 2 * s, 0}};
+      mesh.triangles = {{0, 1, 2}};
+      const Bvh tree = Bvh::build(mesh.view(), config);
+      for (const float x : {-0.4f, 0.1f, 0.3f})
+        for (const float length : {1.0f, 1e8f}) {
+          const Hit hit = tree.intersect({{x * s, 0.2f * s, s}, 0, {0, 0, -length}});
+          ASSERT_TRUE(hit.hit()) << described(config) << ", size 1e" << power;
+          ASSERT_NEAR(hit.t / s * length, 1, 1e-5) << described(config) << ", size 1e" << power;
+        }
+    }
+  }
+}
+
+TEST(BvhOracle, origins_and_directions_may_be_any_finite_ones) {
+  Mesh mesh;
+  mesh.positions = {
+      {1.1e38f, 1.1e38f, 2e38f}, {1.5e38f, 1.1e38f, 2e38f}, {1.1e38f, 1.5e38f, 2e38f}};
+  mesh.triangles = {{0, 1, 2}};
+  for (const BvhConfig& config : all_configs()) {
+    if (config.tree.builder != bvh::Builder::kBinned) continue;
+    const Bvh tree = Bvh::build(mesh.view(), config);
+    const Vec3 origin{1.2e38f, 1.2e38f, 1.1e38f};
+    const Hit slow = tree.intersect({origin, 0, {0, 0, 1}});
+    const Hit fast = tree.intersect({origin, 0, {0, 0, 3e38f}});
+    ASSERT_TRUE(slow.hit() && fast.hit()) << described(config);
+    EXPECT_NEAR(slow.t / 9e37f, 1, 1e-5);
+    EXPECT_NEAR(fast.t, 0.3, 1e-5);
+  }
+}
+
 // ---- what has no answer -------------------------------------------------------------------------
 
 TEST(BvhOracle, empty_meshes_answer_every_query) {

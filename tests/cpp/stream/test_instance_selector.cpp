@@ -130,6 +130,18 @@ TEST(InstanceSelector, keeps_pages_within_its_budget) {
   EXPECT_LT(selector.bytes(), 600'000u);
 }
 
+TEST(InstanceSelector, keeps_all_pages_where_its_budget_is_zero) {
+  const Scratch scratch;
+  const Asset asset(forest_asset(scratch, kTrees));
+  InstanceSelector all(asset, 0), none(asset, 1);
+  for (InstanceSelector* selector : {&all, &none}) {
+    selector->settle(lod::view_error(0));
+    selector->step(camera({0, 1e7f, 0}));
+  }
+  EXPECT_GT(all.bytes(), 1'000'000u);
+  EXPECT_EQ(none.bytes(), 0u);
+}
+
 TEST(InstanceSelector, refuses_levels_and_pages_that_are_not_there) {
   const Scratch scratch;
   const Asset asset(forest_asset(scratch, 1000));

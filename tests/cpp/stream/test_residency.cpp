@@ -119,6 +119,46 @@ TEST(Residency, bounds_what_a_step_does) {
   }
 }
 
+TEST(Residency, limits_of_zero_are_none) {
+  ResidencyConfig config;
+  config.budget_bytes = config.bytes_per_step = 0;
+  config.loads_in_flight = config.evictions_per_step = config.groups_per_step = 0;
+  Streamed s(config);
+  s.postman->per_poll = 1'000'000;
+  // Each step brings all that the last one has found, down to the next level.
+  const auto levels = static_cast<int>(world().asset().tables().levels.size());
+  StreamStep last;
+  for (int i = 0; i <= levels; ++i) {
+    last = s.step(lod::view_error(0));
+    EXPECT_TRUE(last.caught_up);
+  }
+  EXPECT_EQ(last.missing_groups, 0u);
+  EXPECT_EQ(s.residency.statistics().resident_bytes, world().bytes());
+  s.residency.set_budget(0);
+}
+
+TEST(Residency, evicts_without_a_limit_where_that_is_zero) {
+  ResidencyConfig config;
+  config.budget_bytes = world().bytes() / 3;
+  config.evictions_per_step = 0;
+  config.bytes_per_step = 0;
+  Streamed s(config);
+  s.settle(seen_from({1.1f, 0, 0}, 0.5f));
+  s.settle(seen_from({-1.1f, 0, 0}, 0.5f));
+  EXPECT_GT(s.residency.statistics().evictions, 0u);
+}
+
+TEST(Residency, never_gives_up_without_a_limit_of_attempts) {
+  ResidencyConfig config;
+  config.attempts = 0;
+  config.backoff_seconds = 0;
+  Streamed s(config);
+  for (uint32_t p = 1; p < world().asset().info().pages; ++p) s.postman->broken.insert(p);
+  s.settle(lod::view_error(0));
+  EXPECT_GT(s.residency.statistics().failures, 100u);
+  EXPECT_TRUE(s.residency.statistics().given_up.empty());
+}
+
 TEST(Residency, tries_broken_pages_again_later_and_then_stays_coarse) {
   ResidencyConfig config;
   config.attempts = 3;
@@ -278,27 +318,56 @@ TEST(Residency, over_a_simulated_link_takes_the_time_that_it_takes) {
   EXPECT_THROW(make_model_loader(world().asset(), {-1}, clock), Error);
 }
 
-TEST(Residency, refuses_what_cannot_be) {
-  ResidencyConfig config;
-  config.budget_bytes = 100;
-  EXPECT_THROW(Residency(world().asset(), config), Error);
-  config = {};
-  config.hysteresis = 0.5f;
-  EXPECT_THROW(Residency(world().asset(), config), Error);
-  config = {};
-  config.groups_per_step = 0;
-  EXPECT_THROW(Residency(world().asset(), config), Error);
-  config = {};
-  config.backoff_seconds = std::nan("");
-  EXPECT_THROW(Residency(world().asset(), config), Error);
+template <typename Work>
+void expect_refusal(const char* sentence, const Work& work) {
+  try {
+    work();
+    ADD_FAILURE() << "not refused: " << sentence;
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument);
+    EXPECT_STREQ(error.what(), sentence);
+  }
+}
+
+TEST(Residency, refuses_what_cannot_be_by_its_name) {
+  const auto refuses = [](const char* sentence, auto change) {
+    ResidencyConfig config;
+    change(config);
+    expect_refusal(sentence, [&] { Residency(world().asset(), config); });
+  };
+  refuses("hysteresis is 0.500000, but must be at least 1", [](auto& c) { c.hysteresis = 0.5f; });
+  refuses("backoff_seconds is nan, but must be at least 0",
+          [](auto& c) { c.backoff_seconds = std::nan(""); });
+  refuses("slow_seconds is -1.000000, but must be at least 0",
+          [](auto& c) { c.slow_seconds = -1; });
   Residency residency(world().asset());
-  const StreamView wrong[] = {{7, lod::view_error(1), {}}};
-  EXPECT_THROW(residency.step(wrong, 0), Error);
-  const StreamView skewed[] = {{0, lod::view_error(1), {{{std::nanf(""), 0, 0}, 0}}}};
-  EXPECT_THROW(residency.step(skewed, 0), Error);
-  const StreamView levels[] = {{0, lod::view_level(1), {}}};
-  EXPECT_THROW(residency.step(levels, 0), Error);
-  EXPECT_THROW(residency.set_budget(1), Error);
+  const std::string pinned = std::to_string(residency.statistics().pinned_bytes);
+  const std::string small = ", but the pages of the root groups take " + pinned;
+  refuses(("budget_bytes is 100" + small).c_str(), [](auto& c) { c.budget_bytes = 100; });
+  expect_refusal(("budget_bytes is 1" + small).c_str(), [&] { residency.set_budget(1); });
+  const auto refuses_view = [&](const char* sentence, const StreamView& view) {
+    const StreamView views[] = {{0, lod::view_error(1), {}}, view};
+    expect_refusal(sentence, [&] { residency.step(views, 0); });
+  };
+  const float nan = std::nanf("");
+  refuses_view("views[1] is of mesh 7, but the asset has 1", {7, lod::view_error(1), {}});
+  refuses_view("views[1] must be by error or by camera", {0, lod::view_level(1), {}});
+  refuses_view("views[1].planes[0] is not finite", {0, lod::view_error(1), {{{nan, 0, 0}, 0}}});
+  lod::View view = seen_from({0, 0, 3});
+  view.eye.y = nan;
+  refuses_view("views[1] has an eye that is not finite", {0, view, {}});
+  view = seen_from({0, 0, 3});
+  view.threshold = -1;
+  refuses_view("views[1] has the threshold -1.000000, but it must not be negative", {0, view, {}});
+  view = lod::view_error(0);
+  view.error = nan;
+  refuses_view("views[1] has the error nan, but it must not be negative", {0, view, {}});
+}
+
+TEST(Residency, takes_eyes_and_planes_of_any_finite_values) {
+  Streamed s;
+  const StreamView views[] = {{0, seen_from({3e38f, 3e38f, 0}), {{{3e38f, 3e38f, 3e38f}, 3e38f}}}};
+  s.residency.step(views, 0);
 }
 
 }  // namespace

@@ -115,3 +115,34 @@ def test_mistakes_leave_a_dynamic_tree_as_it_was() -> None:
         with pytest.raises(umbel.Error):
             mistake()
     assert len(tree) == 10 and all(np.array_equal(tree.box(i), boxes[i]) for i in range(10))
+
+
+@pytest.mark.parametrize("kind", [DynamicTree, umbel.BoxKdTree])
+def test_boxes_of_queries_are_checked(kind: type[DynamicTree | umbel.BoxKdTree]) -> None:
+    tree = kind(_boxes(200))
+    for low, high, name in (
+        ([0, 0], [0, 1, 1, 1], "low"),
+        ([0, 0, 0], [1, 1], "high"),
+        (0, 1, "low"),
+        ([0, 0, 0], "abc", "high"),
+    ):
+        with pytest.raises(umbel.Error, match=f"^{name} must"):
+            tree.overlaps_box(low, high)
+    assert len(tree.overlaps_box([0, 0, 0], [1, 1, 1])) == 200
+    for axis in range(3):  # as of the structures over triangles
+        inverted = np.zeros((2, 3))
+        inverted[:, axis] = 0.6, 0.4
+        inverted[1, [a for a in range(3) if a != axis]] = 1
+        assert len(tree.overlaps_box(*inverted)) == 0
+
+
+def test_numbers_that_no_box_has() -> None:
+    tree = DynamicTree(_boxes(5))
+    assert 4 in tree and np.uint32(4) in tree
+    for number in (5, -1, 2**32 + 1, 2**40, 1.0, "a", None):
+        assert number not in tree
+    for wrong in (1.7, -1, 2**40, "a"):
+        with pytest.raises(umbel.Error, match=r"^number must be"):
+            tree.box(wrong)  # type: ignore[arg-type]
+    with pytest.raises(umbel.Error, match=r"^max_leaf_size must be"):
+        tree.snapshot(2.5)  # type: ignore[arg-type]

@@ -87,3 +87,12 @@ def test_files_of_hierarchies_say_that_they_hold_no_origin(tmp_path):
             made.save(tmp_path / name)
         again = structure.load(tmp_path / name, origin=made.origin)
         np.testing.assert_array_equal(again.bounds, made.bounds)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_moving_the_mesh_moves_no_structure(structure):
+    mesh = moved(on_grid(umbel.shapes.sphere(2)), UTM)
+    made = structure(mesh)
+    before = made.bounds
+    mesh.origin += 1000
+    np.testing.assert_array_equal(made.bounds, before)

@@ -19,7 +19,7 @@ import umbel
 from helpers.commands import COMMAND, Umbel
 from umbel.cli.failure import naming_file, with_flags
 from umbel.cli.outputs import check_space
-from umbel.cli.run import Failure
+from umbel.cli.run import Failure, hear
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +38,7 @@ def test_arguments_are_named_as_flags() -> None:
     assert with_flags("not without bins=True", flags) == "not without --bins"
     assert with_flags("too many bins: max_triangles", flags) == "too many bins: --max-triangles"
     assert with_flags("--max-triangles is 1", flags) == "--max-triangles is 1"
+    assert hear("a.glb: instances='on' keeps nodes") == "a.glb: --instances on keeps nodes"
     path = "a/max_items.obj"
     assert with_flags(f"{path}: max_items is 0", flags, [path]) == f"{path}: --max-triangles is 0"
     assert naming_file("triangle 3 is wrong", path, [path]) == f"{path}: triangle 3 is wrong"
@@ -96,6 +97,31 @@ def test_what_is_not_finite_names_the_remedy(
     done = umbel_command(command, source, *output.get(command, []), "--json")
     assert done.status == 1 and "--drop-invalid" in done.json["error"]
     assert str(source) in done.json["error"] and "vertex 5" in done.json["error"]
+
+
+@pytest.mark.parametrize("command", ["bvh", "kdtree"])
+def test_no_flag_is_named_that_does_not_help(
+    umbel_command: Umbel, tmp_path: Path, command: str
+) -> None:
+    source = tmp_path / "missing.obj"
+    source.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 9\n")
+    remedy = "; `umbel build --drop-invalid` leaves such triangles out\n"
+    for flags in ([], ["--drop-invalid"]):
+        done = umbel_command(command, source, *flags)
+        assert done.status == 1 and "vertex index" in done.err
+        assert done.err.endswith(remedy) and done.err.count("--drop-invalid") == 1
+
+
+def test_info_refuses_what_build_refuses(umbel_command: Umbel, tmp_path: Path) -> None:
+    mesh = umbel.shapes.sphere(2)
+    source = tmp_path / "far.ply"
+    for scale, valid in ((9e17, True), (2e18, False)):
+        umbel.save(source, umbel.Mesh(mesh.positions * np.float32(scale), mesh.triangles))
+        said = umbel_command("info", source, "--json").json
+        assert said["valid"] is valid and (valid or "is too large" in said["problem"])
+        done = umbel_command("build", source, "-o", tmp_path / "far.umbel")
+        assert done.status == (0 if valid else 1)
+        assert valid or "is too large" in done.err
 
 
 def test_references_leave_the_folder_by_a_flag_only(umbel_command: Umbel, tmp_path: Path) -> None:
@@ -182,6 +208,35 @@ def test_outputs_are_checked_before_the_input_is_read(
     assert copy.read_bytes() == small.read_bytes()
 
 
+def test_pictures_replace_no_texture_of_the_mesh(umbel_command: Umbel, tmp_path: Path) -> None:
+    mesh = umbel.shapes.grid(4, 4)
+    flat = np.full((8, 8, 3), 0.5, np.float32)
+    for name in ("m-albedo", "n-2"):
+        umbel.save_picture(tmp_path / f"{name}.png", flat)
+    (tmp_path / "m.mtl").write_text("newmtl a\nmap_Kd m-albedo.png\nnewmtl b\nmap_Kd n-2.png\n")
+    umbel.save(tmp_path / "plain.obj", mesh)
+    lines = (tmp_path / "plain.obj").read_text()
+    source = tmp_path / "m.obj"
+    source.write_text(f"mtllib m.mtl\nusemtl a\n{lines}")
+    asset = tmp_path / "m.umbel"
+    umbel.build_lod(source).save(asset, textures="external")
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    small = ("--width", 8, "--height", 8, "--spp", 1, "--json")
+    for read, output, more in (
+        (source, "m.png", ["--features"]),
+        (source, "m-albedo.png", []),
+        (source, "m-albedo.png", ["--heatmap", "overlap"]),
+        (source, "n.png", ["--camera", "auto", "--camera", "auto:0,0"]),
+        (asset, "m.png", ["--features"]),
+    ):
+        done = umbel_command("render", read, "-o", tmp_path / output, *more, *small)
+        assert done.status == 1 and f"is a file that {read} refers to" in done.json["error"]
+    assert before == {path: path.read_bytes() for path in tmp_path.iterdir()}
+    for _ in range(2):  # its own pictures are replaced
+        done = umbel_command("render", source, "-o", tmp_path / "out.png", "--features", *small)
+        assert done.status == 0, done.err
+
+
 def test_a_disk_without_room_is_found_before_the_build(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -227,3 +282,5 @@ def test_a_command_that_is_unknown_has_no_input(umbel_command: Umbel) -> None:
         assert done.status == 2 and done.json["input"] is None and done.json["error"]
     done = umbel_command("build", "--max-triangles", "5", "a.obj", "--json")
     assert done.status == 2 and done.json["input"] == "a.obj"
+    done = umbel_command("build", "--", "-a.obj", "-o", "a.umbel", "--json")
+    assert done.status == 2 and done.json["input"] == "-a.obj"

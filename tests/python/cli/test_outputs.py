@@ -234,6 +234,33 @@ def test_nobody_reading_the_output_is_no_crash(blob_asset: Path) -> None:
     assert done.returncode == 1 and "Traceback" not in done.stderr
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has /dev/full")
+@pytest.mark.parametrize("buffered", [True, False])
+def test_output_that_cannot_be_written_is_one_sentence(blob_asset: Path, buffered: bool) -> None:
+    environment = {**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"}
+    reader, closed = os.pipe()
+    os.close(reader)
+    cannot = "cannot write standard output: No space left on device"
+    for arguments, status, sentence in (
+        (["info", str(blob_asset), "--json"], 1, f"{blob_asset}: {cannot}"),
+        (["--version"], 1, cannot),
+        (["info", "--bogus", "--json"], 2, "No such option: --bogus"),
+        (["info", "no.ply", "--json"], 1, "cannot read no.ply: No such file or directory"),
+    ):
+        for output in (os.open("/dev/full", os.O_WRONLY), closed):
+            done = subprocess.run(
+                [*COMMAND, *arguments],
+                stdout=output,
+                stderr=subprocess.PIPE,
+                text=True,
+                check=False,
+                env=environment,
+            )
+            quiet = output == closed and cannot in sentence
+            assert done.stderr == ("" if quiet else f"umbel: {sentence}\n")
+            assert done.returncode == status
+
+
 @pytest.mark.parametrize("suffix", ["ply", "obj", "glb"])
 def test_names_that_are_no_text_are_no_crash(
     umbel_command: Umbel, tmp_path: Path, suffix: str

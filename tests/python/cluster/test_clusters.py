@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -135,8 +137,10 @@ def test_connections_keep_the_connected_together() -> None:
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        ({"max_triangles": 0}, "max_items"),
-        ({"min_triangles": 200}, "min_items"),
+        ({"max_triangles": 0}, "max_triangles"),
+        ({"max_triangles": 2.5}, "max_triangles"),
+        ({"min_triangles": 200}, "min_triangles is 200, more than max_triangles"),
+        ({"min_triangles": "a"}, "min_triangles"),
         ({"preset": "best"}, "best"),
         ({"method": "magic"}, "magic"),
         ({"underfill_cost": 2.0}, "underfill"),
@@ -144,11 +148,37 @@ def test_connections_keep_the_connected_together() -> None:
         ({"max_triangles": -1}, "-1"),
         ({"max_vertices": -1}, "max_vertices"),
         ({"shared_vertex_weight": -1.0}, "shared_vertex_weight"),
+        ({"shared_vertex_weight": "a"}, "shared_vertex_weight"),
+        ({"normal_weight": "a"}, "normal_weight"),
     ],
 )
 def test_bad_arguments_are_named(blob: umbel.Mesh, arguments: dict, word: str) -> None:
     with pytest.raises(umbel.Error, match=word):
         umbel.cluster_mesh(blob, **arguments)
+
+
+def test_clusters_are_compared_and_pickled(blob: umbel.Mesh) -> None:
+    corners = blob.positions[blob.triangles]
+    boxes = np.hstack([corners.min(1), corners.max(1)])
+    made = [
+        umbel.cluster_mesh(blob),
+        umbel.cluster_mesh(blob, normal_weight=1.0),
+        umbel.build_clusters(boxes, 64),
+    ]
+    for clusters in made:
+        again = pickle.loads(pickle.dumps(clusters))
+        assert again == clusters and again.metrics() == clusters.metrics()
+    assert made[0] == umbel.cluster_mesh(blob) and made[0] != made[2] and made[0] != 3
+
+
+def test_clusters_of_another_mesh_are_refused(blob: umbel.Mesh) -> None:
+    clusters = umbel.cluster_mesh(blob)
+    for function in (umbel.colored_clusters, umbel.cluster_boxes):
+        with pytest.raises(umbel.Error, match="clusters of triangle"):
+            function(umbel.shapes.blob(2), clusters)
+    longer = replace(clusters, ranges=clusters.ranges + np.uint32([0, 1]))
+    with pytest.raises(umbel.Error, match=r"clusters\.ranges"):
+        umbel.colored_clusters(blob, longer)
 
 
 def test_bad_boxes_are_named() -> None:

@@ -62,6 +62,23 @@ def test_a_policy_decides():
     assert clusters.step(twisted(rest, 9.0), never, 4) == "keep"
 
 
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("threshold", np.nan),
+        ("threshold", 0.5),
+        ("least_period", -1),
+        ("most_period", -1),
+        ("budget", -0.1),
+        ("budget", np.nan),
+        ("budget", "all"),
+    ],
+)
+def test_a_policy_that_makes_no_sense_is_refused(name, wrong):
+    with pytest.raises(umbel.Error, match=f"{name} must be a number of at least"):
+        umbel.RebuildPolicy(**{name: wrong})
+
+
 def test_vertices_are_limited_and_listed():
     mesh = umbel.shapes.sphere(4)
     clusters = umbel.FrameClusters(mesh, max_vertices=40)

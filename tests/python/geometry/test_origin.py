@@ -35,6 +35,14 @@ def test_points_near_zero_have_no_origin():
     np.testing.assert_array_equal(local, points.astype(np.float32))
 
 
+def test_points_are_checked():
+    origin, positions = umbel.localize([[1, 2, 3]])
+    assert not origin.any() and positions.tolist() == [[1, 2, 3]]
+    for wrong in ("abc", [1, 2, 3], [[1, 2]], [[1, 2, 3], [1, 2]]):
+        with pytest.raises(umbel.Error, match="points must"):
+            umbel.localize(wrong)
+
+
 def test_points_that_float32_holds_have_no_origin():
     points = np.array([[500000.0, 4649776.0, 0.0], [500000.5, 4649776.5, 1.0]])
     origin, local = localize(points)

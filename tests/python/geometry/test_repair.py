@@ -88,6 +88,8 @@ def test_a_bad_shape_or_type_is_named() -> None:
         umbel.Mesh(np.zeros((3, 2)), [[0, 1, 2]])
     with pytest.raises(umbel.Error):
         umbel.Mesh(np.zeros((3, 3)), [[0, 1, -1]])
+    with pytest.raises(umbel.Error, match="step must be a number"):
+        umbel.snap(umbel.shapes.sphere(1), "x")
 
 
 def test_keys_tell_meshes_apart() -> None:

@@ -13,6 +13,12 @@ _ODD = np.random.default_rng(20).integers(0, 2**63, 64, dtype=np.uint64) * np.ui
 )
 
 
+def linear(srgb: object) -> NDArray[np.float64]:
+    """Linear channels of those of sRGB, as IEC 61966-2-1 has it."""
+    s = np.asarray(srgb, np.float64)
+    return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
+
+
 def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
     values = (values ^ (values >> np.uint64(31))) * _ODD[60]
     return values ^ (values >> np.uint64(29))

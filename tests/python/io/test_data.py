@@ -102,4 +102,5 @@ def test_real_meshes_come_back_to_the_bit(tmp_path: Path, name: str, extension: 
     assert back.normals[kept].tobytes() == mesh.normals[kept].tobytes()
     assert back.normals.any(axis=1)[~given].all() == (extension == ".glb" or given.all())
     if mesh.colors is not None:
-        assert np.abs(back.colors[:, :3] - mesh.colors[:, :3]).max() <= 0.5 / 255 + 1e-6
+        # PLY has bytes of sRGB, whose steps are up to 2.3 / 255 apart.
+        assert np.abs(back.colors[:, :3] - mesh.colors[:, :3]).max() <= 1.2 / 255

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 import umbel
+from helpers.meshes import linear
 from umbel.io.textures.images import TextureImage
 
 
@@ -145,7 +146,8 @@ def test_ply_says_what_it_leaves_out(tmp_path: Path) -> None:
 
 def test_ply_says_that_colours_are_rounded(tmp_path: Path) -> None:
     mesh = umbel.shapes.blob(2)
-    mesh.colors = np.full((len(mesh.positions), 4), 51 / 255, np.float32)
+    mesh.colors = np.full((len(mesh.positions), 4), linear(51 / 255), np.float32)
+    mesh.colors[:, 3] = 1
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         umbel.save(tmp_path / "a.ply", mesh)

@@ -158,3 +158,16 @@ def test_the_command_speaks_of_the_world(umbel_command, tmp_path):
         ).json
         np.testing.assert_allclose(said["position"], middle + xyz(0.5, 0.5, 3.0), atol=1e-5)
         assert said["triangles"] > 0
+
+
+def test_moving_a_mesh_moves_nothing_that_was_made_of_it():
+    mesh = moved(on_grid(umbel.shapes.sphere(2)), UTM)
+    lod, scene = umbel.build_lod(mesh), umbel.build_scene(mesh, instances="off")
+    frames, renderer = umbel.FrameClusters(mesh), umbel.Renderer(mesh)
+    welded = umbel.weld(mesh)
+    before = mesh.origin.copy()
+    mesh.origin += 1000
+    for made in (lod, scene, frames, renderer, welded):
+        np.testing.assert_array_equal(made.origin, before)
+    lod.mesh(lod.cut(level=0)).origin += 1000
+    np.testing.assert_array_equal(lod.origin, before)

@@ -169,6 +169,16 @@ def test_residency_says_what_it_cannot_do(folder: Path) -> None:
         residency.step([-1.0])
     with pytest.raises(umbel.Error):
         residency.set_budget(1)
+    for name, call in (
+        ("budget", lambda: umbel.Residency(asset, budget=-1)),
+        ("budget", lambda: residency.set_budget(-1)),
+        ("view", lambda: residency.cut(-1)),
+        ("index", lambda: asset.cluster(-1)),
+        ("mesh", lambda: asset.mesh_tables(-1)),
+        ("mesh", lambda: asset.mesh(asset.cut(level=0), -1)),
+    ):
+        with pytest.raises(umbel.Error, match=f"^{name} must be from 0"):
+            call()
 
 
 def test_several_meshes_instances_and_textures_come_back(tmp_path: Path) -> None:

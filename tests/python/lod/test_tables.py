@@ -213,5 +213,7 @@ def test_impossible_selections_are_refused(lod: umbel.Lod) -> None:
         lod.cut(error=0.1, normal_cones=lod.normal_cones())
     with pytest.raises(umbel.Error, match="at most one of triangles"):
         lod.cut(triangles=5, bytes=5)
+    with pytest.raises(umbel.Error, match="vertex_bytes must be"):
+        lod.cut(bytes=10**6, vertex_bytes=-1)
     with pytest.raises(umbel.Error, match="level"):
         lod.cut(level=1, triangles=5)

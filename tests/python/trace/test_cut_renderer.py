@@ -53,8 +53,15 @@ def test_a_budget_makes_errors_grow_until_it_is_kept(herd: Path) -> None:
     assert poor.pixel_error > 0.02
     assert poor.bytes <= rich.bytes // 4
     assert 0 < poor.triangles < rich.triangles
-    with pytest.raises(umbel.Error, match="budget"):
+    with pytest.raises(umbel.Error, match=r"budget is 1000, but .* at least") as refused:
         CutRenderer(asset, camera(), 1000)
+    least = int(str(refused.value).split()[-1])
+    with pytest.raises(umbel.Error, match=f"at least {least}"):
+        CutRenderer(asset, camera(), least - 1)
+    try:  # the pages fit now
+        CutRenderer(asset, camera(), least)
+    except umbel.Error as error:
+        assert "even the coarsest cut takes" in str(error)
 
 
 def test_the_picture_is_that_of_the_same_scene_as_one_mesh(herd: Path) -> None:
@@ -131,6 +138,8 @@ def test_the_command_keeps_to_the_budget(umbel_command: Umbel, herd: Path, tmp_p
         bad = umbel_command("render", herd, "-o", out, *size, "--budget", budget)
         assert bad.status == 1
         assert "--budget" in bad.err
+    bad = umbel_command("render", herd, "-o", out, *size, "--budget", "1KB")
+    assert "--budget is 1000, but" in bad.err
 
 
 def test_the_simulation_loads_what_is_needed(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import http.client
 import json
 import re
 import signal
+import socket
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -178,9 +179,13 @@ def test_a_notebook_shows_it_inline(shown: umbel.View) -> None:
     assert shown.url.replace("&", "&amp;") in html
 
 
-def test_the_command_serves_until_it_is_interrupted(asset: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_serves_until_it_is_interrupted(asset: Path, number: signal.Signals) -> None:
     with subprocess.Popen(
-        [*COMMAND, "view", str(asset), "--no-browser", "--json"], stdout=subprocess.PIPE, text=True
+        [*COMMAND, "view", str(asset), "--no-browser", "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         try:
             assert process.stdout is not None
@@ -190,8 +195,19 @@ def test_the_command_serves_until_it_is_interrupted(asset: Path) -> None:
             assert connection.getresponse().status == 200
             connection.close()
         finally:
-            process.send_signal(signal.SIGTERM)
-        assert process.wait(10) == 128 + signal.SIGTERM
+            process.send_signal(number)
+        assert process.communicate(timeout=10) == ("", "")
+        assert process.returncode == 128 + number
+
+
+def test_a_port_that_is_in_use_is_named(umbel_command: Umbel, asset: Path) -> None:
+    with socket.socket() as used:
+        used.bind(("127.0.0.1", 0))
+        used.listen()
+        port = used.getsockname()[1]
+        done = umbel_command("view", asset, "--port", port, "--no-browser")
+    assert done.status == 1
+    assert done.err == f"umbel: {asset}: port {port} cannot be used: Address already in use\n"
 
 
 def test_export_writes_a_folder_that_names_its_asset(asset: Path, tmp_path: Path) -> None:

@@ -25,8 +25,8 @@ export class AssetLoader {
   async load(source: Source, pixelError: number, early?: Promise<AssetStream>): Promise<UmbelMesh> {
     const stream = early ?? AssetStream.open(source, { budget: this.state.budget });
     const mesh = new UmbelMesh(await stream, { pixelError });
-    mesh.materials.onNote = (text) => this.addNote(text);
-    for (const text of mesh.materials.notes) this.addNote(text);
+    mesh.materials.onNote = (text, holds) => this.setNote(text, holds);
+    for (const text of mesh.materials.notes) this.setNote(text);
     mesh.onConnection = (isLost) => {
       if (isLost) this.notice.show("The connection is lost. Trying again …", true);
       else this.notice.show("The connection is back.");
@@ -34,11 +34,13 @@ export class AssetLoader {
     return mesh;
   }
 
-  /** Reports something that is not shown, once: as a notice and in the panel. */
-  private addNote(text: string): void {
-    if (this.notes.has(text)) return;
-    this.notes.add(text);
+  /** Reports something that is not shown, once: as a notice and in the panel, while it `holds`. */
+  private setNote(text: string, holds = true): void {
+    if (this.notes.has(text) === holds) return;
+    if (holds) {
+      this.notes.add(text);
+      this.notice.show(text);
+    } else this.notes.delete(text);
     this.panel.setNotes([...this.notes]);
-    this.notice.show(text);
   }
 }

@@ -10,6 +10,9 @@ export class Comparison {
   /** The asset to compare with; undefined for the full mesh. */
   other: Source | undefined;
   private source: Source | undefined;
+  /** Number of loads so far: one that is no longer wanted is dropped when it arrives. */
+  private loads = 0;
+  private isLoading = false;
   private readonly divider: Divider;
 
   constructor(
@@ -28,12 +31,14 @@ export class Comparison {
   /** Sets the asset that is compared, which is shown already. */
   setSource(source: Source): void {
     this.source = source;
+    // The full mesh is that of the asset before.
+    if (!this.other) this.clearRight();
   }
 
   /** Compares with another asset, in the current layout or by a wipe. */
   async setOther(other: Source): Promise<void> {
     this.other = other;
-    this.viewport.setMesh(1, undefined);
+    this.clearRight();
     await this.setLayout(this.state.layout === "single" ? "wipe" : this.state.layout);
   }
 
@@ -42,18 +47,32 @@ export class Comparison {
     const wasHome = viewport.camera.isHome;
     this.state.layout = layout;
     if (wasHome) viewport.frameAll();
-    if (layout === "single") viewport.setMesh(1, undefined);
-    else if (!viewport.meshes[1] && this.source) await this.loadRight(this.source);
+    if (layout === "single") this.clearRight();
+    else if (!viewport.meshes[1] && !this.isLoading && this.source)
+      await this.loadRight(this.source);
     this.updateDivider();
   }
 
+  private clearRight(): void {
+    ++this.loads;
+    this.isLoading = false;
+    this.viewport.setMesh(1, undefined);
+  }
+
   private async loadRight(source: Source): Promise<void> {
+    const load = ++this.loads;
+    this.isLoading = true;
     try {
       // The full mesh has no error; another asset has the same error as the first.
       const pixelError = this.other ? this.state.pixelError : 0;
-      this.viewport.setMesh(1, await this.loader.load(this.other ?? source, pixelError));
+      const mesh = await this.loader.load(this.other ?? source, pixelError);
+      if (load !== this.loads) return mesh.dispose();
+      this.isLoading = false;
       this.viewport.rightFollows = this.other !== undefined;
+      this.viewport.setMesh(1, mesh);
     } catch (error) {
+      if (load !== this.loads) return;
+      this.isLoading = false;
       this.state.layout = "single";
       this.notice.show(error instanceof Error ? error.message : String(error));
     }

@@ -24,8 +24,12 @@ export type Source = string | File;
 
 export function nameOf(source: Source): string {
   if (typeof source !== "string") return source.name;
-  const path = new URL(source, document.baseURI).pathname;
-  return decodeURIComponent(path.slice(path.lastIndexOf("/") + 1)) || source;
+  try {
+    const path = new URL(source, document.baseURI).pathname;
+    return decodeURIComponent(path.slice(path.lastIndexOf("/") + 1)) || source;
+  } catch {
+    return source; // no address, or a % that encodes nothing
+  }
 }
 
 export interface CameraPose {
@@ -66,6 +70,8 @@ export function writeLink(state: State, pose: CameraPose): string {
   if (state.frameRate) link.set("fps", String(state.frameRate));
   if (state.layout !== "single") link.set("layout", state.layout);
   if (state.layout === "wipe") link.set("wipe", state.wipe.toFixed(3));
+  if (state.budget !== defaultState().budget)
+    link.set("budget", String(Number((state.budget / 2 ** 20).toPrecision(4))));
   return link.toString().replaceAll("%2C", ",");
 }
 
@@ -88,7 +94,7 @@ export function readLink(hash: string, state: State): CameraPose | undefined {
   const wipe = Number(link.get("wipe"));
   if (wipe > 0 && wipe < 1) state.wipe = wipe;
   const budget = Number(link.get("budget"));
-  if (budget > 0) state.budget = budget * 2 ** 20;
+  if (budget > 0) state.budget = Math.min(Math.max(budget * 2 ** 20, BUDGETS.low), BUDGETS.high);
   const position = vector(link.get("eye"));
   const target = vector(link.get("target"));
   return position && target ? { position, target } : undefined;

@@ -1,6 +1,7 @@
 // The viewer: opens assets, and connects the viewport with the panel, the keys and the messages.
 
 import { type AssetStream, UmbelError } from "umbel";
+import type { UmbelMesh } from "umbel/three";
 import { AssetLoader } from "./asset_loader";
 import { CameraRecorder } from "./camera_recorder";
 import { Comparison } from "./comparison";
@@ -8,7 +9,16 @@ import { paintBackground, save } from "./files";
 import { adaptedPixelError } from "./frame_rate";
 import { type KeyActions, keyBindings } from "./key_bindings";
 import type { PreviewRenderer } from "./preview/preview_renderer";
-import { type CameraPose, type Layout, nameOf, type Source, type State, writeLink } from "./state";
+import {
+  type CameraPose,
+  defaultState,
+  type Layout,
+  nameOf,
+  readLink,
+  type Source,
+  type State,
+  writeLink,
+} from "./state";
 import { clusterCard } from "./ui/cluster_card";
 import { h } from "./ui/dom";
 import { listenToDrops, listenToKeys, listenToPointer } from "./ui/input";
@@ -37,7 +47,9 @@ export class Viewer {
   private readonly notice = new Notice();
   private readonly help = helpDialog();
   private readonly title = h("div", { className: "title" });
-  private readonly progress = new Progress((counts, mesh) => this.panel.showCounts(counts, mesh));
+  private readonly progress = new Progress((counts, meshes) =>
+    this.panel.showCounts(counts, meshes),
+  );
   private readonly dropHint = h(
     "div",
     { className: "drop", hidden: true },
@@ -52,7 +64,8 @@ export class Viewer {
   private choosesOther = false;
   /** Number of assets opened so far: an older one that arrives late is dropped. */
   private openings = 0;
-  private reportedDamage = 0;
+  /** Damaged pages that were reported. */
+  private readonly reportedDamage = new WeakMap<UmbelMesh, number>();
 
   constructor(
     private readonly root: HTMLElement,
@@ -118,11 +131,15 @@ export class Viewer {
         const isHidden = this.root.classList.toggle("panel-hidden");
         this.panelButton.setAttribute("aria-expanded", String(!isHidden));
       },
-      deselect: () => this.deselect(),
+      deselect: () => {
+        if (this.viewport.meshes[0]) this.error.hide();
+        this.deselect();
+      },
     };
   }
 
   private listen(host: HTMLElement, actions: KeyActions): void {
+    addEventListener("hashchange", () => void this.followLink());
     this.fileInput.onchange = () => {
       const file = this.fileInput.files?.[0];
       if (file) void this.openFile(file, this.choosesOther);
@@ -163,6 +180,7 @@ export class Viewer {
     const opening = ++this.openings;
     this.preview = preview;
     this.error.hide();
+    this.notice.hide();
     this.deselect();
     this.title.replaceChildren(h("h1", { textContent: nameOf(source) }), h("p", {}, "Opening …"));
     this.progress.begin();
@@ -186,13 +204,20 @@ export class Viewer {
     this.removePreview();
     this.title.replaceChildren();
     this.progress.end();
+    const choices = [
+      { text: "Try again", action: () => void this.open(source) },
+      { text: "Open another file", action: () => this.chooseFile(false) },
+    ];
+    // The asset before is still there.
+    const [mesh] = this.viewport.meshes;
+    if (mesh && this.source) {
+      showTitle(this.title, mesh, this.source);
+      choices.push({ text: "Close", action: () => this.error.hide() });
+    }
     this.error.show(
       titleOf(error instanceof UmbelError ? error.kind : "unsupported"),
       error instanceof Error ? error.message : String(error),
-      [
-        { text: "Try again", action: () => void this.open(source) },
-        { text: "Open another file", action: () => this.chooseFile(false) },
-      ],
+      choices,
     );
   }
 
@@ -228,6 +253,16 @@ export class Viewer {
     this.apply();
   }
 
+  /** Shows the view of the link in the address bar. */
+  private async followLink(): Promise<void> {
+    Object.assign(this.state, defaultState());
+    const pose = readLink(location.hash, this.state);
+    this.setBudget(this.state.budget);
+    await this.setLayout(this.state.layout);
+    if (pose) this.viewport.camera.setPose(pose);
+    this.viewport.requestFrame();
+  }
+
   /** Puts a link to the current view into the clipboard and the address bar. */
   private async share(): Promise<void> {
     const address = new URL(location.href);
@@ -260,14 +295,17 @@ export class Viewer {
   private onFrame(counts: FrameCounts): void {
     if (counts.triangles > 0) this.removePreview();
     if (this.state.frameRate > 0) this.holdFrameRate(counts.interval);
-    const [mesh] = this.viewport.meshes;
-    this.progress.update(counts, mesh);
-    const damaged = mesh?.statistics?.damagedPages ?? 0;
-    if (damaged > this.reportedDamage) {
-      this.reportedDamage = damaged;
-      const pages = damaged === 1 ? "A page" : `${damaged} pages`;
-      this.notice.show(`${pages} of the file did not arrive whole: it stays coarse there.`, true);
-    }
+    this.progress.update(counts, this.viewport.meshes);
+    for (const mesh of this.viewport.meshes) if (mesh) this.reportDamage(mesh);
+  }
+
+  private reportDamage(mesh: UmbelMesh): void {
+    const damaged = mesh.statistics?.damagedPages ?? 0;
+    if (damaged <= (this.reportedDamage.get(mesh) ?? 0)) return;
+    this.reportedDamage.set(mesh, damaged);
+    const pages = damaged === 1 ? "A page" : `${damaged} pages`;
+    const file = mesh === this.viewport.meshes[0] ? "the file" : "the file on the right";
+    this.notice.show(`${pages} of ${file} did not arrive whole: it stays coarse there.`, true);
   }
 
   private holdFrameRate(interval: number): void {

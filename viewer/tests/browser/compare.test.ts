@@ -63,3 +63,27 @@ test("a missing second asset leaves one picture and a notice", async ({ page, ho
   await settled(page);
   expect((await measureCanvas(page)).covered).toBeGreaterThan(0.05);
 });
+
+test("the full mesh is that of the asset that was opened last", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=planet.umbel#pixels=6&layout=wipe`);
+  await settled(page);
+  await dropAsset(page, OTHER, OTHER, { clientX: 10, clientY: 100 });
+  const { sourceTriangles } = loadAsset(OTHER.replace(".umbel", "")).header.meshes[0];
+  await page.waitForFunction((count) => {
+    const meshes = globalThis.umbelViewer?.viewport.meshes;
+    return meshes?.every((mesh) => mesh?.info.sourceTriangles === count);
+  }, sourceTriangles);
+});
+
+test("a full mesh that arrives when it is no longer compared is dropped", async ({
+  page,
+  host,
+}) => {
+  await page.goto(`${host.url}/?asset=planet.umbel#pixels=6`);
+  await settled(page);
+  for (let press = 0; press < 3; ++press) await page.keyboard.press("c");
+  await expect.poll(() => page.workers().length).toBe(1);
+  await page.waitForTimeout(500);
+  expect(await page.evaluate(() => globalThis.umbelViewer?.viewport.meshes[1])).toBeUndefined();
+  expect(page.workers().length).toBe(1);
+});

@@ -1,6 +1,6 @@
 import { assetBytes } from "../support/assets.js";
 import { loadAsset } from "../support/loaded_asset.js";
-import { expect, measureCanvas, settled, statistics, test } from "./page.js";
+import { dropAsset, expect, measureCanvas, settled, statistics, test } from "./page.js";
 
 const PLANET = "/?asset=planet.umbel";
 
@@ -25,6 +25,11 @@ test("a damaged page stays coarse and is reported", async ({ page, host }) => {
   expect(damagedPages).toBe(1);
   expect(triangles).toBeGreaterThan(500);
   expect((await measureCanvas(page)).covered).toBeGreaterThan(0.1);
+  // The message is not about the next asset.
+  await dropAsset(page, "blob_16bits_compact.umbel", "other.umbel");
+  await expect(page.locator(".title h1")).toHaveText("other.umbel");
+  await settled(page);
+  await expect(page.locator(".notice.shown")).toHaveCount(0);
 });
 
 test("a missing file is reported", async ({ page, host }) => {
@@ -36,6 +41,26 @@ test("a missing file is reported", async ({ page, host }) => {
 test("another kind of file is reported as such", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=index.html`);
   await expect(page.getByRole("alert")).toContainText("This is not an .umbel file.");
+});
+
+test("an invalid address is reported", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=http://[bad`);
+  await expect(page.getByRole("alert")).toContainText("http://[bad is not an address.");
+});
+
+test("an asset that cannot be opened leaves the one before", async ({ page, host }) => {
+  await page.goto(`${host.url}${PLANET}#pixels=32`);
+  await settled(page);
+  for (const close of [
+    () => page.keyboard.press("Escape"),
+    () => page.getByRole("alert").getByText("Close").click(),
+  ]) {
+    await dropAsset(page, "planet.json", "wrong.umbel");
+    await expect(page.getByRole("alert")).toContainText("This is not an .umbel file.");
+    await close();
+    await expect(page.getByRole("alert")).toBeHidden();
+    await expect(page.locator(".title h1")).toHaveText("planet.umbel");
+  }
 });
 
 test("damaged tables are reported", async ({ page, host }) => {

@@ -181,6 +181,38 @@ test("a click picks a cluster and shows its properties", async ({ page, host }) 
   await expect(card).toHaveCount(0);
 });
 
+test("the canvas has the pixels of the screen, if these change as well", async ({ page, host }) => {
+  await page.goto(host.url + COARSE);
+  await settled(page);
+  const height = () => page.evaluate(() => globalThis.umbelViewer?.viewport.height as number);
+  const before = await height();
+  const session = await page.context().newCDPSession(page);
+  await session.send("Emulation.setDeviceMetricsOverride", {
+    width: 720,
+    height: 360,
+    deviceScaleFactor: 2,
+    mobile: false,
+  });
+  // Emulation does not report the change: the next frame notices it.
+  await page.keyboard.press("ArrowLeft");
+  await expect.poll(height).toBe(2 * before);
+});
+
+test("another link in the address bar is followed", async ({ page, host }) => {
+  await page.goto(`${host.url}${COARSE}`);
+  await settled(page);
+  await page.evaluate(() => {
+    location.hash = "#eye=5,1,0&target=0,0,0&mode=levels&pixels=8&budget=64";
+  });
+  await expect
+    .poll(() => page.evaluate(() => globalThis.umbelViewer?.state))
+    .toMatchObject({ viewMode: "levels", pixelError: 8, budget: 2 ** 26 });
+  const { position } = (await page.evaluate(
+    () => globalThis.umbelViewer?.viewport.camera.pose,
+  )) as Pose;
+  expect(position[0]).toBeCloseTo(5, 6);
+});
+
 test("a link has the camera and the view mode", async ({ page, host, context }) => {
   await page.goto(host.url + COARSE);
   await settled(page);

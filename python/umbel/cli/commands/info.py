@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from umbel.cli.inputs import AllowOutside
 from umbel.cli.run import Json, Threads, ends_cleanly, heard, is_asset, show
+
+if TYPE_CHECKING:
+    from umbel.geometry.mesh import Mesh
+
+_LARGEST_COORDINATE = 1e18  # that a build accepts
 
 
 @ends_cleanly()
@@ -84,20 +89,30 @@ def _material_count(asset: Any, counts: list[dict[str, Any]]) -> int:
     return max(named, highest + 1 if highest else 0)
 
 
-def _mesh_info(path: str, allow_outside: bool, threads: int) -> dict[str, Any]:
+def _problem(mesh: Mesh, threads: int) -> str | None:
+    """Why `umbel build` refuses a mesh."""
     from umbel.errors import Error
     from umbel.geometry.repair import validate
+
+    try:
+        validate(mesh, threads=threads)
+    except Error as error:
+        return str(error)
+    box = mesh.bounds
+    largest = 0.0 if box is None else float(abs(box - mesh.origin).max())
+    if largest > _LARGEST_COORDINATE:
+        return f"{mesh.source}: coordinate {largest:g} is too large: the limit is 1e18 in magnitude"
+    return None
+
+
+def _mesh_info(path: str, allow_outside: bool, threads: int) -> dict[str, Any]:
     from umbel.io import load_scene
     from umbel.io.addresses import is_address
     from umbel.lod.remote import remote
 
     scene = load_scene(path, allow_outside=allow_outside)
     mesh = scene.flatten()
-    problem = None
-    try:
-        validate(mesh, threads=threads)
-    except Error as error:
-        problem = str(error)
+    problem = _problem(mesh, threads)
     names = ("normals", "tangents", "uvs", "colors")
     return {
         "input": path,

@@ -12,7 +12,7 @@ import typer
 
 from umbel.cli.inputs import AllowOutside, bytes_of, load_mesh
 from umbel.cli.options import Accel, Heatmap, Up, option, switch
-from umbel.cli.outputs import check_output
+from umbel.cli.outputs import check_output, check_references
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, is_asset, show
 
 if TYPE_CHECKING:
@@ -134,6 +134,8 @@ def command(
     from umbel.trace.picture import check_format, save_features, save_picture, tone_map
 
     check_format(output)
+    written = partial(_checked_outputs, output, features=features, source=source)
+    written(len(camera or ["auto"]))
     if denoise:
         denoiser()
     if exposure != "auto":
@@ -172,7 +174,7 @@ def command(
             options["bounce_error"] = bounce_error
             views = _Streamed(source, limit, pixel_error or 1.0, options)
         cameras = [text for given in camera or ["auto"] for text in views.named(given)]
-        outputs = _outputs(output, len(cameras))
+        outputs = written(len(cameras))
         results: list[dict[str, Any]] = []
         if heatmap is not None:
             assert isinstance(views, _Views)
@@ -250,10 +252,16 @@ def _floats(text: str, count: int, rule: str) -> list[float]:
     return values
 
 
-def _outputs(output: Path, count: int) -> list[Path]:
-    if count == 1:
-        return [output]
-    return [output.with_name(f"{output.stem}-{k + 1}{output.suffix}") for k in range(count)]
+def _checked_outputs(output: Path, count: int, *, features: bool, source: str) -> list[Path]:
+    """The pictures of so many cameras. They and their features may replace no file of the mesh."""
+    from umbel.trace.picture import feature_paths
+
+    pictures = [output]
+    if count > 1:
+        pictures = [output.with_name(f"{output.stem}-{k + 1}{output.suffix}") for k in range(count)]
+    more = [path for picture in pictures for path in feature_paths(picture)] if features else []
+    check_references([*pictures, *more], source)
+    return pictures
 
 
 def _part(bar: Any, begin: float, end: float) -> Callable[[float, str], None]:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from umbel.cli import Stopped
 from umbel.cli.options import option, switch
 from umbel.cli.outputs import check_folder
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, say, show
@@ -37,9 +38,15 @@ def command(
         result = {"input": path, "output": str(export), "url": index.absolute().as_uri()}
         show(result | {"folder": str(export)}, as_json, path)
         return
-    shown = view(path, port=port)
-    show({"input": path, "url": shown.url}, as_json, path)
-    if not no_browser and not shown.open():
-        say("there is no browser here: open the address above in one")
-    sys.stdout.flush()
-    shown.wait()
+    try:
+        shown = view(path, port=port)
+    except OSError as error:
+        fail(f"{path}: port {port} cannot be used: {error.strerror}")
+    try:
+        show({"input": path, "url": shown.url}, as_json, path)
+        sys.stdout.flush()
+        if not no_browser and not shown.open():
+            say("there is no browser here: open the address above in one")
+        shown.wait()
+    except Stopped as stopped:  # how serving ends
+        raise typer.Exit(stopped.status) from None

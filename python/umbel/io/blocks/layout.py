@@ -30,6 +30,7 @@ class _Part:
     triangles: int
     material: int | None
     color_divisor: float
+    srgb_colors: bool
     transform: list[float] | None
     may_miss: bool  # the column of materials has rows without one
     extras: list[Extra]
@@ -76,6 +77,7 @@ class Layout:
         triangles: int = 0,
         material: int | None = None,
         color_divisor: float = 1.0,
+        srgb_colors: bool = False,
         transform: np.ndarray[Any, Any] | None = None,
         may_miss: bool = False,
         vertices: int | None = None,
@@ -99,6 +101,7 @@ class Layout:
                 triangles,
                 material,
                 color_divisor,
+                srgb_colors,
                 rows,
                 may_miss,
                 extras or [],
@@ -121,7 +124,7 @@ class Layout:
             if material is None or material == NO_MATERIAL:
                 material = default if self.materials else None
             what = (part.name, part.columns, part.triangles, material, default)
-            rest = (part.color_divisor, part.transform, part.extras)
+            rest = (part.color_divisor, part.srgb_colors, part.transform, part.extras)
             self._note("parts", [*what, *rest])
             self.native.add_part(*what, *rest)
         return self.native

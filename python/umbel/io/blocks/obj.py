@@ -32,6 +32,7 @@ def lay_out(layout: Layout, path: Path) -> bool:
         found["triangles"],
         material,
         found["color_divisor"],
+        srgb_colors=True,
         may_miss=found["misses_material"],
         vertices=found["vertices"],
     )

@@ -68,7 +68,7 @@ def lay_out(layout: Layout, path: Path) -> bool:
     if "materials" in columns:
         named = [Material(name=f"material_{k}") for k in range(largest + 1)]
         material = layout.shared.add_in_order(named)
-    layout.add_part(str(path), columns, triangles, material)
+    layout.add_part(str(path), columns, triangles, material, srgb_colors=True)
     return True
 
 

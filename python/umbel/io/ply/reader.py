@@ -23,7 +23,7 @@ from umbel.geometry.mesh import (
     to_unit_floats,
     unit_normals,
 )
-from umbel.io.colors import MOST_BRIGHT
+from umbel.io.colors import MOST_BRIGHT, to_linear
 from umbel.io.ply import names as ply_names
 from umbel.io.ply.data import Columns, ListColumn, read_tables
 from umbel.io.ply.losses import LIST, warn_of_losses
@@ -124,7 +124,7 @@ def _vertex_colors(vertex: Columns) -> Float32Array | None:
     if rgb is None:
         return None
     out = np.ones((len(rgb), 4), np.float32)
-    out[:, :3] = _unit(rgb)
+    out[:, :3] = to_linear(_unit(rgb))
     alpha = _stack(vertex, ply_names.ALPHA)
     if alpha is not None:
         out[:, 3:] = _unit(alpha)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from umbel.errors import warn_lost
 from umbel.geometry.mesh import Material, Mesh
+from umbel.io.colors import to_srgb
 from umbel.io.files import write_all
 from umbel.io.format_losses import attribute_losses, copyright_line
 from umbel.io.ply import names as ply_names
@@ -39,8 +40,10 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     is_rounded = False
     if mesh.colors is not None:
         with np.errstate(invalid="ignore"):
-            colors = np.nan_to_num(np.clip(np.rint(mesh.colors * 255.0), 0, 255)).astype(np.uint8)
-            is_rounded = bool((np.abs(mesh.colors * 255.0 - colors) > _BYTE).any())
+            exact = mesh.colors * np.float32(255.0)
+            exact[:, :3] = to_srgb(mesh.colors[:, :3]) * np.float32(255.0)
+            colors = np.nan_to_num(np.clip(np.rint(exact), 0, 255)).astype(np.uint8)
+            is_rounded = bool((np.abs(exact - colors) > _BYTE).any())
         names = (*ply_names.COLOR[0], *ply_names.ALPHA[0])
         fields += [(name, "|u1", colors[:, k]) for k, name in enumerate(names)]
     vertices = np.empty(n, [(name, kind) for name, kind, _ in fields])

@@ -80,7 +80,7 @@ std::vector<Mesh> meshes() {
 
 TEST(DeviceTrace, hits_are_those_of_the_processor_on_adversarial_rays) {
   for (const Mesh& mesh : meshes())
-    for (const float scale : {1e-15f, 1e-4f, 1.0f, 1e6f, 1e15f}) {
+    for (const float scale : {1e-15f, 1e-4f, 1.0f, 1e6f, 1e15f, 1e28f}) {
       const Mesh scaled = transformed(mesh, scale);
       expect_hits_of(Bvh::build(scaled.view()), HalvedTree(scaled.view()).view(),
                      adversarial_rays(scaled.view(), 420, 3));
@@ -128,6 +128,16 @@ TEST(DeviceTrace, hits_are_those_of_brute_force) {
       ASSERT_TRUE(is_right(mesh.view(), rays[i], trace_all(mesh.view(), rays[i]), hits[i]))
           << "ray " << i;
   }
+}
+
+TEST(DeviceTrace, origins_and_directions_may_be_any_finite_ones) {
+  const Mesh mesh = transformed(shapes::sphere(2), 1e37f, {1.2e38f, 1.2e38f, 2e38f});
+  const std::vector<Ray> rays = {{{1.2e38f, 1.2e38f, 1.1e38f}, 0, {0, 0, 1}},
+                                 {{1.2e38f, 1.2e38f, 1.1e38f}, 0, {0, 0, 3e38f}}};
+  const HalvedTree tree(mesh.view());
+  for (const Hit& hit : {intersect(tree.view(), rays)[0], intersect(tree.view(), rays)[1]})
+    EXPECT_TRUE(hit.hit());
+  expect_hits_of(Bvh::build(mesh.view()), tree.view(), rays);
 }
 
 // Rays at edges and vertices of a closed surface, from within, all hit it.
@@ -270,7 +280,10 @@ TEST(DeviceTrace, overlaps_are_those_of_the_processor) {
   for (const Mesh& mesh : meshes()) {
     const Bvh expected = Bvh::build(mesh.view());
     const HalvedTree tree(mesh.view());
-    const auto boxes = boxes_around(mesh, 150);
+    auto boxes = boxes_around(mesh, 150);
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    boxes[0].max.x = boxes[1].max.z = kInfinity;
+    boxes[1].min = {-kInfinity, -kInfinity, -kInfinity};
     const auto count = uint32_t(boxes.size());
     CpuExec exec;
     std::vector<uint32_t> offsets(count + 1, 99);

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
+#include <utility>
 
 #include "base/math.hpp"
 #include "bvh/every_config.hpp"
@@ -121,6 +123,27 @@ TEST(Collide, nothing_collides_with_nothing_and_bad_maps_are_refused) {
   EXPECT_THROW(collides(ball, ball, options), Error);
   options.second_to_first = {};  // to a point, which is a triangle too
   EXPECT_TRUE(collide(ball, ball, options).empty());
+}
+
+TEST(Collide, can_be_cancelled) {
+  const Mesh blob = shapes::blob(4, 1);
+  const Bvh bvh = Bvh::build(blob.view());
+  CollisionOptions options;
+  options.threads = 1;
+  float last = 0;
+  options.progress = [&](float fraction, std::string_view) {
+    EXPECT_GE(fraction, std::exchange(last, fraction));
+    return true;
+  };
+  EXPECT_FALSE(collide(bvh, bvh, options).empty());
+  EXPECT_EQ(last, 1.0f);
+  options.progress = [](float, std::string_view) { return false; };
+  try {
+    collide(bvh, bvh, options);
+    FAIL() << "it was not cancelled";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kCancelled);
+  }
 }
 
 TEST(Collide, real_meshes_equal_brute_force_near_their_surfaces) {

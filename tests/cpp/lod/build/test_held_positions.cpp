@@ -113,21 +113,49 @@ TEST(HeldPositions, borders_of_open_and_non_manifold_meshes_stay) {
   }
 }
 
-TEST(HeldPositions, locked_vertices_stay_in_every_cut) {
-  const Mesh mesh = shapes::blob(5, 2);
+// Locks every `step`th vertex.
+void expect_locked_vertices_stay(const Mesh& mesh, size_t step) {
   std::vector<uint8_t> locked(mesh.positions.size(), 0);
   std::set<Point> kept;
-  for (size_t v = 0; v < locked.size(); v += 250) {
+  for (size_t v = 0; v < locked.size(); v += step) {
     locked[v] = 1;
     kept.insert(point(mesh.positions[v]));
   }
   const Dag dag = build(mesh.view(), testing::small_config(), {}, {}, locked);
+  const VerifyReport report =
+      verify(dag.tables, testing::reader_of(dag), testing::verify_config_of(dag, mesh));
+  EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
   for (const View& view : views_of(dag)) {
     std::set<Point> there;
     for (const Vec3& p : cut_of(dag, select(dag.tables, view)).positions) there.insert(point(p));
     EXPECT_TRUE(std::ranges::includes(there, kept));
   }
+}
+
+// Many copies of a mesh, each by itself.
+Mesh rubble(const Mesh& one, int count) {
+  Mesh all;
+  for (int i = 0; i < count; ++i) {
+    const auto first = static_cast<uint32_t>(all.positions.size());
+    const Vec3 at{float(i * 37 % 100), float(i * 61 % 100), float(i * 17 % 100)};
+    for (const Vec3& p : one.positions) all.positions.push_back(at + p);
+    for (const Triangle& t : one.triangles)
+      all.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  }
+  return all;
+}
+
+TEST(HeldPositions, locked_vertices_stay_in_every_cut) {
+  const Mesh mesh = shapes::blob(5, 2);
+  expect_locked_vertices_stay(mesh, 250);
+  std::vector<uint8_t> locked(mesh.positions.size(), 0);
   EXPECT_THROW(build(mesh.view(), {}, {}, {}, std::span(locked).first(3)), Error);
+}
+
+TEST(HeldPositions, components_stay_by_a_single_locked_vertex) {
+  const Mesh ball = shapes::blob(1, 1), leaf = shapes::grid(1, 1);
+  expect_locked_vertices_stay(rubble(ball, 200), 3 * ball.positions.size());
+  expect_locked_vertices_stay(rubble(leaf, 1000), 10 * leaf.positions.size());
 }
 
 TEST(HeldPositions, threads_do_not_matter) {

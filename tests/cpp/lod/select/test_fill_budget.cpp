@@ -126,13 +126,16 @@ TEST(FillBudget, an_eye_inside_keeps_the_budget) {
   const std::vector<uint32_t> costs = triangle_costs(tables);
   const auto cones = normal_cone_bounds(tables, testing::reader_of(blob_dag()));
   const View inside = view_camera({0.1f, 0.2f, 0.9f}, 1.0f, 1080, 1.0f);
-  const uint64_t by_threshold =
-      sum(costs, select(tables, view_for_budget(tables, inside, costs, 1)));
+  View large = inside;
+  large.threshold = 1e30f;
+  const uint64_t by_threshold = sum(costs, select(tables, large));
   const uint64_t coarsest =
       sum(costs, select(tables, view_error(std::numeric_limits<float>::infinity())));
   ASSERT_GT(by_threshold, 2 * coarsest);
   uint64_t last = 0;
   for (const uint64_t budget : {coarsest, (coarsest + by_threshold) / 2, by_threshold - 1}) {
+    const View fits = view_for_budget(tables, inside, costs, budget);
+    EXPECT_EQ(sum(costs, select(tables, fits)), coarsest);
     const BudgetCuts made = select_for_budget(tables, inside, costs, budget);
     EXPECT_LE(made.cost, budget);
     EXPECT_EQ(made.cost, sum(costs, made.cuts.clusters));

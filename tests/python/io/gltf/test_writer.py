@@ -116,7 +116,7 @@ def test_instances_apart_keep_the_tree(tmp_path: Path) -> None:
 
 def test_merged_nodes_are_one_warning_and_keep_all_but_their_meshes(tmp_path: Path) -> None:
     source = saved(tmp_path, furnished())
-    with pytest.warns(umbel.LoadWarning, match="3 nodes.*'left'.*--instances on") as said:
+    with pytest.warns(umbel.LoadWarning, match="3 nodes.*'left'.*instances='on'") as said:
         out = extracted(source, "auto")
     assert len(said) == 1
     root, before = json_of(out), json_of(source)

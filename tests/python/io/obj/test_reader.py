@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helpers.mesh_files import corners
+from helpers.meshes import linear
 from helpers.refusals import refused
 from umbel import Bvh, KdTree, TwoLevelGrid, build_lod, cluster_mesh, validate
 from umbel.errors import Error, LoadWarning
@@ -117,7 +118,7 @@ def test_comments_blank_lines_continuations_and_windows_line_ends(tmp_path: Path
 
 def test_vertex_colours_weights_and_missing_coordinates(tmp_path: Path) -> None:
     mesh = read(tmp_path, "v 0 0 0 1 0.5 0\nv 1 0 0 0 0 1\nv 0 1 0\nf 1 2 3\n")
-    assert mesh.colors.tolist() == [[1, 0.5, 0, 1], [0, 0, 1, 1], [1, 1, 1, 1]]
+    assert np.allclose(mesh.colors, [[1, linear(0.5), 0, 1], [0, 0, 1, 1], [1, 1, 1, 1]])
     assert read(tmp_path, "v 0 0 0 1\nv 1 0 0 1\nv 0 1 0 1\nf 1 2 3\n").colors is None
     mesh = read(tmp_path, SQUARE + "vt 0.5\nvt 1 1 1\nf 1/1 2/2 3\n")
     assert mesh.uvs[mesh.triangles[0]].tolist() == [[0.5, 0], [1, 1], [0, 0]]
@@ -125,9 +126,9 @@ def test_vertex_colours_weights_and_missing_coordinates(tmp_path: Path) -> None:
 
 def test_colours_a_little_above_one_are_no_bytes(tmp_path: Path) -> None:
     mesh = read(tmp_path, "v 0 0 0 1.0001 0.5 0\nv 1 0 0 1 1 1\nv 0 1 0 0 0 0\nf 1 2 3\n")
-    assert np.array_equal(mesh.colors[0], np.float32([1.0001, 0.5, 0, 1]))
+    assert np.allclose(mesh.colors[0], [*linear([1.0001, 0.5, 0]), 1])
     mesh = read(tmp_path, "v 0 0 0 255 51 0\nv 1 0 0 0 0 0\nv 0 1 0 0 0 0\nf 1 2 3\n")
-    assert np.array_equal(mesh.colors[0], np.float32([1, 0.2, 0, 1]))
+    assert np.allclose(mesh.colors[0], [*linear([1, 0.2, 0]), 1])
 
 
 def test_corners_without_a_normal_get_one(tmp_path: Path) -> None:

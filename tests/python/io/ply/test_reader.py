@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES, ply_bytes
+from helpers.meshes import linear
 from helpers.refusals import refused
 from umbel import validate
 from umbel.errors import Error, LoadWarning
@@ -157,14 +158,16 @@ def test_attributes_under_their_usual_names(tmp_path: Path, fmt: str) -> None:
         assert np.array_equal(mesh.positions, values[:, 1:4])
         assert np.array_equal(mesh.normals, values[:, normal])
         assert np.array_equal(mesh.uvs, values[:, 6:])
-        assert np.array_equal(mesh.colors, colors.astype(np.float32) / np.float32(255))
+        expected = colors / 255
+        expected[:, :3] = linear(expected[:, :3])
+        assert np.allclose(mesh.colors, expected, atol=1e-6)
 
 
-def test_colours_without_alpha_are_opaque_and_floats_stay(tmp_path: Path) -> None:
+def test_colours_without_alpha_are_opaque_and_floats_are_srgb_too(tmp_path: Path) -> None:
     properties = [*XYZ, ("float", "red"), ("float", "green"), ("float", "blue")]
     table = [(0, 0, 0, 0.25, 0.5, 1.0)] * 3
     mesh = read(tmp_path, ply_bytes([("vertex", properties, table), ("face", FACE, [])]))
-    assert mesh.colors.tolist() == [[0.25, 0.5, 1.0, 1.0]] * 3
+    assert np.allclose(mesh.colors, [[*linear([0.25, 0.5, 1.0]), 1.0]] * 3)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +189,7 @@ def test_colours_are_bytes_where_their_type_cannot_tell(
     properties = [*XYZ, (kind, "red"), (kind, "green"), (kind, "blue")]
     table = [(0, 0, 0, red, 0, 0), (1, 0, 0, 0, 0, 0), (0, 1, 0, 0, 0, 0)]
     data = ply_bytes([("vertex", properties, table), ("face", FACE, [([0, 1, 2],)])], fmt)
-    assert np.array_equal(read(tmp_path, data).colors[0], np.float32([expected, 0, 0, 1]))
+    assert np.allclose(read(tmp_path, data).colors[0], [linear(expected), 0, 0, 1], atol=1e-6)
 
 
 @pytest.mark.parametrize("fmt", FORMATS)

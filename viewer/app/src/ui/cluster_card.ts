@@ -12,11 +12,16 @@ export function clusterCard(
   pixelsPerUnit: number,
   close: () => void,
 ): HTMLElement {
-  const size = cluster.box.getSize(new Vector3()).toArray().map(significant).join(" × ");
+  // Lengths are those of the instance.
+  const scale = new Vector3().setFromMatrixScale(cluster.matrix);
+  const size = cluster.box.getSize(new Vector3()).multiply(scale).toArray();
   const unit = unitOf(mesh.info.metadata);
   const named = mesh.materials.names[cluster.material];
-  const pixels = (error: number) =>
-    error === Infinity ? "" : ` (${significant(error * pixelsPerUnit)} px)`;
+  const scaled = (meshError: number) => {
+    const error = meshError * Math.max(...scale);
+    const pixels = error === Infinity ? "" : ` (${significant(error * pixelsPerUnit)} px)`;
+    return significant(error) + pixels;
+  };
   const rows: [string, string][] = [
     ["Level", `${cluster.level} of ${mesh.info.levels - 1}`],
     ["Group", count(cluster.group)],
@@ -26,13 +31,13 @@ export function clusterCard(
     ],
     ["Triangles", count(cluster.triangles)],
     ["Vertices", count(cluster.vertices)],
-    ["Error", significant(cluster.error) + pixels(cluster.error)],
-    ["Group error", significant(cluster.groupError) + pixels(cluster.groupError)],
+    ["Error", scaled(cluster.error)],
+    ["Group error", scaled(cluster.groupError)],
     ["Material", named || String(cluster.material)],
     ...(mesh.info.instances.length > 1
       ? ([["Instance", count(cluster.instance)]] as [string, string][])
       : []),
-    ["Box", size],
+    ["Box", size.map(significant).join(" × ")],
     ["Point", formatPoint(point, distance) + unit],
   ];
   return h(

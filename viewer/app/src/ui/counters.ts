@@ -1,7 +1,6 @@
 // The panel's counters: graphs of the last frames, and the strip of pages.
 
-import type { UmbelMesh } from "umbel/three";
-import type { FrameCounts } from "../viewport/viewport";
+import type { FrameCounts, Meshes } from "../viewport/viewport";
 import { bytes, count, h, short } from "./dom";
 import { Graph, PageStrip } from "./graph";
 
@@ -23,18 +22,26 @@ export class Counters {
     this.elements = [h("div", { className: "graphs" }, ...graphs), this.strip.element];
   }
 
-  show(frame: FrameCounts, mesh: UmbelMesh | undefined): void {
+  /** Numbers are of all meshes, the strip is of the first. */
+  show(frame: FrameCounts, meshes: Meshes): void {
     const { graphs } = this;
     graphs.triangles.push(frame.triangles);
     graphs.clusters.push(frame.clusters);
     graphs.draws.push(frame.draws);
     graphs.frame.push(frame.interval || frame.work);
-    const stream = mesh?.statistics;
-    if (!mesh || !stream) return;
-    const { textures } = mesh;
-    graphs.memory.push(stream.residentBytes + textures.bytes);
-    graphs.textures.push(textures.bytes);
-    graphs.fetched.push(stream.fetchedBytes + textures.fetchedBytes);
+    const [mesh] = meshes;
+    if (!mesh?.statistics) return;
+    let [geometry, textures, fetched] = [0, 0, 0];
+    for (const each of meshes) {
+      if (!each?.statistics) continue;
+      const { bytes, fetchedBytes } = each.textures;
+      geometry += each.statistics.residentBytes;
+      textures += bytes;
+      fetched += each.statistics.fetchedBytes + fetchedBytes;
+    }
+    graphs.memory.push(geometry + textures);
+    graphs.textures.push(textures);
+    graphs.fetched.push(fetched);
     this.strip.draw(mesh.pages, mesh.info.pages);
   }
 }

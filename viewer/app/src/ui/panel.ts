@@ -1,8 +1,7 @@
 // The panel: view, detail, counters, comparison, camera, and actions.
 
-import type { UmbelMesh } from "umbel/three";
 import type { Layout, State } from "../state";
-import type { FrameCounts } from "../viewport/viewport";
+import type { FrameCounts, Meshes } from "../viewport/viewport";
 import { button, Choice, section } from "./controls";
 import { Counters } from "./counters";
 import { DetailSection } from "./detail_section";
@@ -106,8 +105,9 @@ export class Panel {
     this.saveButton.disabled = !hasPath || isRecording;
   }
 
-  showCounts(frame: FrameCounts, mesh: UmbelMesh | undefined): void {
-    this.counters.show(frame, mesh);
+  showCounts(frame: FrameCounts, meshes: Meshes): void {
+    this.counters.show(frame, meshes);
+    const [mesh] = meshes;
     if (mesh?.statistics) this.detail.showScale(mesh.statistics.scale);
   }
 }

@@ -1,7 +1,7 @@
 // Progress of loading: a bar at the page's edge, the panel's counters, and performance marks.
 
 import type { UmbelMesh } from "umbel/three";
-import type { FrameCounts } from "../viewport/viewport";
+import type { FrameCounts, Meshes } from "../viewport/viewport";
 import { h } from "./dom";
 
 const COUNTER_INTERVAL = 200;
@@ -13,9 +13,7 @@ export class Progress {
   private isMarked = false;
 
   /** @param showCounts is called a few times a second */
-  constructor(
-    private readonly showCounts: (counts: FrameCounts, mesh: UmbelMesh | undefined) => void,
-  ) {}
+  constructor(private readonly showCounts: (counts: FrameCounts, meshes: Meshes) => void) {}
 
   begin(): void {
     this.element.classList.remove("done");
@@ -26,7 +24,8 @@ export class Progress {
     this.element.classList.add("done");
   }
 
-  update(counts: FrameCounts, mesh: UmbelMesh | undefined): void {
+  update(counts: FrameCounts, meshes: Meshes): void {
+    const [mesh] = meshes;
     if (mesh?.statistics) {
       const { wantedBytes, residentBytes, missingPages, triangles } = mesh.statistics;
       const done = missingPages === 0 && triangles > 0 && mesh.textures.missing === 0;
@@ -38,7 +37,7 @@ export class Progress {
     clearTimeout(this.timer);
     const show = () => {
       this.lastCounters = performance.now();
-      this.showCounts(counts, mesh);
+      this.showCounts(counts, meshes);
     };
     if (performance.now() - this.lastCounters > COUNTER_INTERVAL) show();
     else this.timer = window.setTimeout(show, COUNTER_INTERVAL);

@@ -7,13 +7,18 @@ import { count, h } from "./dom";
 
 /** Shows an asset's name, size and copyright, and sets the page's title. */
 export function showTitle(element: HTMLElement, mesh: UmbelMesh, source: Source): void {
-  const { instancedTriangles, levels, metadata, scene } = mesh.info;
+  const { instancedTriangles, sourceTriangles, levels, metadata, scene } = mesh.info;
   const name = typeof metadata.name === "string" && metadata.name ? metadata.name : nameOf(source);
   const { copyright } = jsonOf(scene.asset);
+  // The header of an asset with a tree of instances does not count them.
+  const triangles =
+    instancedTriangles === undefined
+      ? `${count(sourceTriangles)} triangles before instancing`
+      : `${count(instancedTriangles)} triangles`;
   document.title = `${name} – Umbel`;
   element.replaceChildren(
     h("h1", { textContent: name }),
-    h("p", { textContent: `${count(instancedTriangles)} triangles, ${levels} levels` }),
+    h("p", { textContent: `${triangles}, ${levels} levels` }),
   );
   if (typeof copyright === "string" && copyright)
     element.append(h("p", { className: "copyright", textContent: copyright }));

@@ -20,6 +20,10 @@ import { OrbitCamera } from "./orbit_camera";
 import { TextureWait } from "./texture_wait";
 import { tintOf } from "./view_modes";
 
+/** Left and right; the right one is for comparison. */
+export type Meshes = readonly [UmbelMesh | undefined, UmbelMesh | undefined];
+
+/** Of all meshes. */
 export interface FrameCounts {
   triangles: number;
   clusters: number;
@@ -64,7 +68,7 @@ export class Viewport {
   private wasMoving = false;
 
   constructor(
-    host: HTMLElement,
+    private readonly host: HTMLElement,
     private readonly state: State,
   ) {
     this.renderer = new WebGLRenderer({
@@ -79,18 +83,29 @@ export class Viewport {
     host.append(this.canvas);
     this.scene.environment = makeEnvironment();
     this.camera = new OrbitCamera(this.canvas, () => this.requestFrame());
-    new ResizeObserver(() => this.resize(host)).observe(host);
-    this.resize(host);
+    new ResizeObserver(() => this.resize()).observe(host);
+    this.resize();
+    this.watchPixelRatio();
     this.canvas.addEventListener("webglcontextrestored", () => {
       this.scene.environment = makeEnvironment();
       this.requestFrame();
     });
   }
 
-  private resize(host: HTMLElement): void {
-    const { clientWidth: width, clientHeight: height } = host;
+  /** Another screen may have another pixel ratio, with the same size of the page. */
+  private watchPixelRatio(): void {
+    const current = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
+    const change = () => {
+      this.requestFrame();
+      this.watchPixelRatio();
+    };
+    current.addEventListener("change", change, { once: true });
+  }
+
+  private resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.host;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, MAX_PIXEL_RATIO));
+    this.renderer.setPixelRatio(pixelRatio());
     this.renderer.setSize(width, height, false);
     this.background.paint(width, height);
     this.requestFrame();
@@ -179,6 +194,7 @@ export class Viewport {
 
   private frame(time: number): void {
     const start = performance.now();
+    if (this.renderer.getPixelRatio() !== pixelRatio()) this.resize();
     const interval = this.wasMoving && this.lastFrame ? time - this.lastFrame : 0;
     this.lastFrame = time;
     const isDriven = this.beforeFrame?.(time) ?? false;
@@ -187,14 +203,15 @@ export class Viewport {
     if (this.wasMoving) this.requestFrame();
     this.draw();
     this.setPixelErrors();
-    const [mesh] = this.meshes;
+    const sum = (of: (mesh: UmbelMesh) => number) =>
+      this.meshes.reduce((total, mesh) => total + (mesh ? of(mesh) : 0), 0);
     this.onFrame?.({
-      triangles: mesh?.drawn.triangles ?? 0,
-      clusters: mesh?.drawn.clusters ?? 0,
-      draws: mesh?.drawn.calls ?? 0,
+      triangles: sum(({ drawn }) => drawn.triangles),
+      clusters: sum(({ drawn }) => drawn.clusters),
+      draws: sum(({ drawn }) => drawn.calls),
       interval,
       work: performance.now() - start,
-      updateWork: mesh?.updateTime ?? 0,
+      updateWork: sum(({ updateTime }) => updateTime),
     });
   }
 
@@ -271,4 +288,9 @@ export class Viewport {
       copy.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))), "image/png");
     });
   }
+}
+
+/** Pixels of the canvas for each pixel of the page. */
+function pixelRatio(): number {
+  return Math.min(devicePixelRatio, MAX_PIXEL_RATIO);
 }

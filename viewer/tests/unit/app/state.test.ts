@@ -1,11 +1,34 @@
 import { expect, test } from "vitest";
-import { defaultState, readLink, writeLink } from "../../../app/src/state.js";
+import { defaultState, nameOf, readLink, writeLink } from "../../../app/src/state.js";
 import { translated } from "../../../app/src/viewport/camera.js";
 
 const UTM = [448_250.125, 5_411_900.5, 312.0625] as const;
 
+Object.assign(globalThis, {
+  matchMedia: () => ({ matches: false }),
+  document: { baseURI: "https://host.test/page/" },
+});
+
+test.each([
+  ["models/a%20b.umbel?x=1", "a b.umbel"],
+  ["100%25.umbel", "100%.umbel"],
+  ["100%.umbel", "100%.umbel"],
+  ["http://[bad", "http://[bad"],
+])("the name of %s is %s", (address, name) => {
+  expect(nameOf(address)).toBe(name);
+});
+
+test("links have the memory where it is not the usual one", () => {
+  const pose = { position: [0, 0, 1] as [number, number, number], target: [0, 0, 0] as const };
+  const write = (budget: number) =>
+    writeLink({ ...defaultState(), budget }, { ...pose, target: [...pose.target] });
+  expect(write(defaultState().budget)).not.toContain("budget");
+  const state = defaultState();
+  readLink(write(2 ** 26), state);
+  expect(state.budget).toBe(2 ** 26);
+});
+
 test("links resolve a millionth of the distance to the target, in the world", () => {
-  Object.assign(globalThis, { matchMedia: () => ({ matches: false }) });
   const near = { position: [0.25, 1.5, 3.000125] as const, target: [0.125, -0.5, 0] as const };
   const pose = translated({ position: [...near.position], target: [...near.target] }, UTM, 1);
   const read = readLink(writeLink(defaultState(), pose), defaultState());

@@ -1,9 +1,11 @@
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
+import { Matrix4 } from "three";
 import { describe, expect, test } from "vitest";
 import { type FileHeader, readFileHeader } from "../../../packages/umbel/src/format/file_header.js";
 import {
   type InstanceTables,
+  ROWS,
   readInstanceNodes,
   readPlacements,
 } from "../../../packages/umbel/src/format/instance_tree.js";
@@ -135,6 +137,24 @@ describe("rows", () => {
       }
     });
     expect(checked).toBeGreaterThan(100);
+  });
+
+  test("have placements that all mirror their mesh, or none", () => {
+    const mirrored = (node: number) => {
+      const page = selector.page(node);
+      // Every second one.
+      const rows = page.rows.map((x, i) => (i % 4 === 0 && (i / ROWS) & 1 ? -x : x));
+      return { ...page, rows };
+    };
+    const both = instanceRows(step, mirrored, selector.nodes, coarsestErrors, view);
+    const signs = both.rows.map(({ matrices, count }) =>
+      Array.from({ length: count }, (_, i) =>
+        Math.sign(new Matrix4().fromArray(matrices, 16 * i).determinant()),
+      ),
+    );
+    for (const row of signs) expect(new Set(row).size).toBe(1);
+    expect(new Set(signs.flat())).toEqual(new Set([1, -1]));
+    expect(both.rows.reduce((sum, { count }) => sum + count, 0)).toBe(step.shown);
   });
 
   test("are the same for the same step, and differ for another", () => {

@@ -53,6 +53,36 @@ describe("an HTTP source", () => {
   });
 
   test.each([
+    ["an answer", () => new Promise<Response>(() => {})],
+    ["the rest of an answer", async () => new Response(new ReadableStream(), { status: 206 })],
+  ])("tries again where %s does not come", async (_, stall) => {
+    const states: boolean[] = [];
+    const { get } = host();
+    let stalls = 2;
+    const stalling = (async (url: string, init: RequestInit) => {
+      if (stalls-- <= 0) return get(url, init);
+      const aborted = new Promise<never>((_resolve, reject) => {
+        init.signal?.addEventListener("abort", () => reject(new Error("aborted")));
+      });
+      const response = await Promise.race([stall(), aborted]);
+      const body = new ReadableStream({
+        start: (controller) => {
+          aborted.catch((error: unknown) => controller.error(error));
+        },
+      });
+      return new Response(body, response);
+    }) as typeof fetch;
+    const source = new HttpSource(URL, {
+      fetch: stalling,
+      delay: 1,
+      patience: 20,
+      onConnection: (isLost) => states.push(isLost),
+    });
+    expect(await source.read(0, 3)).toEqual(BYTES.slice(0, 3));
+    expect(states).toEqual([true, false]);
+  });
+
+  test.each([
     [404, "missing", 1],
     [403, "missing", 1],
     [503, "network", 3],

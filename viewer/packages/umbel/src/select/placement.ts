@@ -68,9 +68,8 @@ export function viewInMesh(view: View, m: Rows, at: number): View | undefined {
   const [least, most] = stretchOf(m, at);
   if (view.kind === "error") return { kind: "error", error: view.error / most };
   if (view.kind === "level") return view;
-  const row = (i: number) => [m[at + 4 * i], m[at + 4 * i + 1], m[at + 4 * i + 2]] as const;
-  const columns = [0, 1, 2].map((k) => cross(row((k + 1) % 3), row((k + 2) % 3)));
-  const determinant = dot(row(0), columns[0] as readonly number[]);
+  const columns = cofactorsOf(m, at);
+  const determinant = dot(rowOf(m, at, 0), columns[0] as readonly number[]);
   if (!(least > 0) || determinant === 0) return undefined;
   const from = [0, 1, 2].map((i) => (view.eye[i] as number) - m[at + 4 * i + 3]);
   const eye = [0, 1, 2].map((i) =>
@@ -83,6 +82,20 @@ export function viewInMesh(view: View, m: Rows, at: number): View | undefined {
   };
   if (view.planes) found.planes = planesInMesh(view.planes, m, at);
   return found;
+}
+
+/** Whether a transform turns the mesh inside out. */
+export function isMirrored(m: Rows, at: number): boolean {
+  return dot(rowOf(m, at, 0), cofactorsOf(m, at)[0] as readonly number[]) < 0;
+}
+
+/** For each row the product of the two others: the inverse's columns, times the determinant. */
+function cofactorsOf(m: Rows, at: number): [number, number, number][] {
+  return [0, 1, 2].map((k) => cross(rowOf(m, at, (k + 1) % 3), rowOf(m, at, (k + 2) % 3)));
+}
+
+function rowOf(m: Rows, at: number, i: number): [number, number, number] {
+  return [m[at + 4 * i], m[at + 4 * i + 1], m[at + 4 * i + 2]];
 }
 
 /** Planes of a scene as a mesh sees them under a transform. */

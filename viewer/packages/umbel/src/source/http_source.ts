@@ -2,16 +2,22 @@
 
 import { UmbelError } from "../errors.js";
 import { Download } from "./download.js";
+import {
+  asUmbelError,
+  type FetchOptions,
+  hostOf,
+  patientFetch,
+  statusError,
+} from "./patient_fetch.js";
 import type { ByteSource } from "./source.js";
 
-export interface HttpOptions {
+export interface HttpOptions extends FetchOptions {
   /** Number of times that a failed request is tried again. */
   retries?: number;
   /** Milliseconds before the first retry; each further delay is twice as long. */
   delay?: number;
   /** Called when a request fails and will be tried again, and when one succeeds after that. */
   onConnection?: (isLost: boolean) => void;
-  fetch?: typeof fetch;
 }
 
 export class HttpSource implements ByteSource {
@@ -39,7 +45,7 @@ export class HttpSource implements ByteSource {
         return bytes;
       } catch (error) {
         if (error instanceof UmbelError && error.kind !== "network") throw error;
-        if (this.aborter.signal.aborted || attempt === retries) throw this.asError(error);
+        if (this.aborter.signal.aborted || attempt === retries) throw asUmbelError(error, this.url);
         this.download = undefined;
         this.report(true);
         await new Promise((resolve) => setTimeout(resolve, delay * 2 ** Math.min(attempt, 5)));
@@ -52,26 +58,11 @@ export class HttpSource implements ByteSource {
     this.isLost = isLost;
   }
 
-  private asError(error: unknown): UmbelError {
-    if (error instanceof UmbelError) return error;
-    return new UmbelError("network", `The connection to ${this.host()} was lost.`);
-  }
-
-  private host(): string {
-    try {
-      return new URL(this.url).host || this.url;
-    } catch {
-      return this.url;
-    }
-  }
-
   private async request(offset: number, length: number): Promise<Uint8Array> {
     if (this.download) return this.download.read(offset, length);
-    const get = this.options.fetch ?? fetch;
-    const response = await get(this.url, {
-      headers: { Range: `bytes=${offset}-${offset + length - 1}` },
-      signal: this.aborter.signal,
-    });
+    const headers = { Range: `bytes=${offset}-${offset + length - 1}` };
+    const { signal } = this.aborter;
+    const response = await patientFetch(this.url, { headers, signal }, this.options);
     if (response.status === 206) return this.part(response, offset, length);
     if (response.status === 200) {
       // Simultaneous requests share the first download.
@@ -82,17 +73,7 @@ export class HttpSource implements ByteSource {
       return this.download.read(offset, length);
     }
     if (response.status === 416) return new Uint8Array(0);
-    if (response.status >= 500 || response.status === 408 || response.status === 429)
-      throw new UmbelError(
-        "network",
-        `${this.host()} answered with an error (${response.status}).`,
-      );
-    throw new UmbelError(
-      "missing",
-      response.status === 404 || response.status === 410
-        ? `There is no file at ${this.url}.`
-        : `${this.host()} refuses ${this.url} (${response.status}).`,
-    );
+    throw statusError(response.status, this.url);
   }
 
   private async part(response: Response, offset: number, length: number): Promise<Uint8Array> {
@@ -102,7 +83,7 @@ export class HttpSource implements ByteSource {
     const total = range && range[2] !== "*" ? Number(range[2]) : undefined;
     const wanted = total === undefined ? length : Math.min(length, Math.max(total - offset, 0));
     if ((range && Number(range[1]) !== offset) || bytes.length < wanted)
-      throw new UmbelError("network", `${this.host()} sent less than was asked for.`);
+      throw new UmbelError("network", `${hostOf(this.url)} sent less than was asked for.`);
     return bytes.subarray(0, length);
   }
 }

@@ -11,8 +11,8 @@ export interface AssetInfo {
   /** Of the full meshes, each counted once. */
   sourceTriangles: number;
   sourceVertices: number;
-  /** Of the full meshes, each counted once an instance. */
-  instancedTriangles: number;
+  /** Of the full meshes, each counted once an instance; with a tree of instances undefined. */
+  instancedTriangles: number | undefined;
   levels: number;
   groups: number;
   clusters: number;
@@ -55,10 +55,9 @@ export function assetInfoOf(header: FileHeader): AssetInfo {
     headerBytes: fixed.headerBytes,
     sourceTriangles: sum((mesh) => mesh.sourceTriangles),
     sourceVertices: sum((mesh) => mesh.sourceVertices),
-    instancedTriangles: instances.reduce(
-      (total, { mesh }) => total + (meshes[mesh]?.sourceTriangles ?? 0),
-      0,
-    ),
+    instancedTriangles: header.tree
+      ? undefined
+      : instances.reduce((total, { mesh }) => total + (meshes[mesh]?.sourceTriangles ?? 0), 0),
     levels: meshes.reduce((max, mesh) => Math.max(max, mesh.levels), 0),
     groups: header.groups,
     clusters: header.clusters,

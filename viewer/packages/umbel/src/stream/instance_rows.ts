@@ -5,7 +5,7 @@
 import { NONE } from "../format/file_header.js";
 import { type InstanceNodes, ROWS } from "../format/instance_tree.js";
 import type { InstanceStep, PlacementPage } from "../select/instance_selector.js";
-import { viewInMesh } from "../select/placement.js";
+import { isMirrored, viewInMesh } from "../select/placement.js";
 import { distanceOutside, type View } from "../select/select.js";
 import type { MeshView } from "./target_cut.js";
 
@@ -19,7 +19,7 @@ const STEPS = 2;
 const FINEST = 2 ** -12;
 const FLOATS = 16;
 
-/** Placements of a mesh that share a cut. */
+/** Placements of a mesh that share a cut. All of them mirror the mesh, or none does. */
 export interface InstanceRow {
   /** The same for the same mesh and error, in one step and in the next. */
   key: string;
@@ -82,7 +82,7 @@ class RowBuilder {
       const page = pageOf(node);
       const distance = nodes && node !== NONE ? this.distanceToNode(nodes, node) : 0;
       for (let i = first; i < first + count; ++i) {
-        const row = isCoarsest ? this.coarsest(page.mesh[i]) : this.fine(page, i, node);
+        const row = isCoarsest ? this.coarsest(page, i) : this.fine(page, i, node);
         const from = isCoarsest ? distance : this.distanceTo(page, i);
         this.add(row, page, i, from);
         this.hash = mixed(mixed(mixed(this.hash, node), i), row.hash);
@@ -103,8 +103,8 @@ class RowBuilder {
     };
   }
 
-  private coarsest(mesh: number): OpenRow {
-    return this.row(`${mesh}`, mesh, { kind: "error", error: 3e38 });
+  private coarsest(page: PlacementPage, i: number): OpenRow {
+    return this.row(meshKey(page, i), page.mesh[i], { kind: "error", error: 3e38 });
   }
 
   private fine(page: PlacementPage, i: number, node: number): OpenRow {
@@ -115,9 +115,9 @@ class RowBuilder {
     const allowed = this.allowedError(page, i) / page.stretch[i];
     const step = Math.floor(STEPS * Math.log2(Math.max(allowed, FINEST * coarsest)));
     const error = 2 ** (step / STEPS);
-    const key = `${mesh}:${step}`;
+    const key = `${meshKey(page, i)}:${step}`;
     if (error >= coarsest || (this.open.size >= MAX_ROWS && !this.open.has(key)))
-      return this.coarsest(mesh);
+      return this.coarsest(page, i);
     return this.row(key, mesh, { kind: "error", error });
   }
 
@@ -173,6 +173,11 @@ class RowBuilder {
     if (this.view.kind === "level") return 0;
     return this.view.threshold * this.distanceTo(page, i);
   }
+}
+
+/** Of the rows that a placement may be in. */
+function meshKey({ rows, mesh }: PlacementPage, i: number): string {
+  return `${isMirrored(rows, ROWS * i) ? "-" : ""}${mesh[i]}`;
 }
 
 function mixed(hash: number, value: number): number {

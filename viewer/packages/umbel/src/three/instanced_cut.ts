@@ -20,20 +20,27 @@ import { type DrawCounts, MeshInstance } from "./mesh_instance.js";
 
 const FLOATS = 16;
 const IDENTITY = new Matrix4();
+/** Its own inverse. */
+const MIRROR = new Matrix4().makeScale(-1, 1, 1);
 
 /** Its `matrix` is that of the nearest instance, which textures and clicks go by. */
 export class InstancedCut extends MeshInstance {
-  private instances: InstanceMatrices;
+  private instances: InstanceMatrices = instancesOf(new Float32Array(0), 0);
+  /** Of the batches: three.js takes from it which side of a triangle is in front. */
+  private batchMatrix = IDENTITY;
 
   constructor(row: InstanceRow, number: number, parent: Object3D, materials: Materials) {
     super({ mesh: row.mesh, matrix: new Float32Array(12) }, number, parent, materials);
-    this.instances = instancesOf(row);
     this.setRow(row);
   }
 
   /** Replaces the instances. */
   setRow(row: InstanceRow): void {
     this.matrix = new Matrix4().fromArray(row.matrices, FLOATS * row.nearest);
+    if (this.matrix.determinant() < 0) {
+      this.batchMatrix = MIRROR;
+      mirror(row.matrices);
+    }
     const { attribute } = this.instances;
     if (FLOATS * row.count <= attribute.array.length) {
       attribute.array.set(row.matrices);
@@ -43,7 +50,7 @@ export class InstancedCut extends MeshInstance {
       this.instances.count = row.count;
     } else {
       this.free();
-      this.instances = instancesOf(row);
+      this.instances = instancesOf(row.matrices, row.count);
     }
     for (const batch of this.all()) setInstances(batch, this.instances);
   }
@@ -70,7 +77,7 @@ export class InstancedCut extends MeshInstance {
 
   protected override add<T extends Batch | LineBatch>(object: T): T {
     setInstances(object, this.instances);
-    object.matrix.copy(IDENTITY);
+    object.matrix.copy(this.batchMatrix);
     this.parent.add(object);
     object.updateMatrixWorld(true);
     return object;
@@ -92,8 +99,13 @@ interface Disposable {
   dispatchEvent(event: { type: "dispose" }): void;
 }
 
+/** Mirrors what matrices of instances transform to. */
+function mirror(matrices: Float32Array): void {
+  for (let i = 0; i < matrices.length; i += 4) matrices[i] = -matrices[i];
+}
+
 /** With room for more, so that few changes need other memory. */
-function instancesOf({ matrices, count }: InstanceRow): InstanceMatrices {
+function instancesOf(matrices: Float32Array, count: number): InstanceMatrices {
   const room = new Float32Array(FLOATS * Math.ceil(1.5 * count));
   room.set(matrices);
   return { attribute: new InstancedBufferAttribute(room, FLOATS), count };

@@ -201,6 +201,7 @@ export class UmbelMesh extends Object3D {
   /** Frees all memory; the object cannot be used after that. */
   override dispose(): void {
     this.stream.close();
+    for (const instance of this.instances) instance.dispose();
     this.removeFromParent();
     this.clear();
     this.residents.dispose();

@@ -13,7 +13,7 @@ export class AssetStream {
   private currentListener: StreamListener | undefined;
   /** Updates that arrived before a listener was set. */
   private readonly earlyUpdates: StreamUpdate[] = [];
-  private readonly files = new Map<number, (bytes: Uint8Array | undefined) => void>();
+  private readonly files = new Map<number, (answer: Uint8Array | UmbelError) => void>();
 
   private constructor(
     private readonly worker: Worker,
@@ -25,11 +25,11 @@ export class AssetStream {
   ) {}
 
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
-  static open(source: string | Blob, options: StreamOptions): Promise<AssetStream> {
+  static async open(source: string | Blob, options: StreamOptions): Promise<AssetStream> {
+    const address = typeof source === "string" ? addressOf(source) : undefined;
     const worker = new Worker(new URL("./stream_worker.js", import.meta.url), {
       type: "module",
     });
-    const address = typeof source === "string" ? new URL(source, document.baseURI).href : undefined;
     let stream: AssetStream | undefined;
     return new Promise((resolve, reject) => {
       const fail = (error: UmbelError) => {
@@ -46,6 +46,8 @@ export class AssetStream {
         } else if (data.type === "failed") fail(new UmbelError(data.kind, data.message));
         else if (data.type === "update") stream?.receive(data.update);
         else if (data.type === "file") stream?.receiveFile(data.index, data.bytes);
+        else if (data.type === "unread")
+          stream?.receiveFile(data.index, new UmbelError(data.kind, data.message));
         else stream?.currentListener?.connection(data.isLost);
       };
       send(worker, { type: "open", source: address ?? (source as Blob), options });
@@ -66,10 +68,10 @@ export class AssetStream {
     }
   }
 
-  private receiveFile(index: number, bytes: Uint8Array | undefined): void {
-    const resolve = this.files.get(index);
+  private receiveFile(index: number, answer: Uint8Array | UmbelError): void {
+    const receive = this.files.get(index);
     this.files.delete(index);
-    resolve?.(bytes);
+    receive?.(answer);
   }
 
   setViews(views: MeshView[]): void {
@@ -90,13 +92,14 @@ export class AssetStream {
     send(this.worker, { type: "pause", isPaused });
   }
 
-  /** Reads an embedded file; undefined if that fails. */
-  readFile(index: number, isUrgent = false): Promise<Uint8Array | undefined> {
-    return new Promise((resolve) => {
+  /** Reads an embedded file; rejects with an UmbelError. */
+  readFile(index: number, isUrgent = false): Promise<Uint8Array> {
+    return new Promise((resolve, reject) => {
       const before = this.files.get(index);
-      this.files.set(index, (bytes) => {
-        before?.(bytes);
-        resolve(bytes);
+      this.files.set(index, (answer) => {
+        before?.(answer);
+        if (answer instanceof UmbelError) reject(answer);
+        else resolve(answer);
       });
       if (!before) send(this.worker, { type: "file", index, isUrgent });
     });
@@ -105,6 +108,14 @@ export class AssetStream {
   close(): void {
     this.worker.onmessage = null;
     this.worker.terminate();
+  }
+}
+
+function addressOf(source: string): string {
+  try {
+    return new URL(source, document.baseURI).href;
+  } catch {
+    throw new UmbelError("missing", `${source} is not an address.`);
   }
 }
 

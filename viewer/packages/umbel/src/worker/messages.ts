@@ -18,6 +18,7 @@ export type ToWorker =
 export type FromWorker =
   | { type: "opened"; info: AssetInfo }
   | { type: "update"; update: StreamUpdate }
-  | { type: "file"; index: number; bytes: Uint8Array | undefined }
+  | { type: "file"; index: number; bytes: Uint8Array }
+  | { type: "unread"; index: number; kind: UmbelErrorKind; message: string }
   | { type: "connection"; isLost: boolean }
   | { type: "failed"; kind: UmbelErrorKind; message: string };

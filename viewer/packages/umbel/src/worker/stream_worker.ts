@@ -1,6 +1,6 @@
 // The worker's end of a stream: it fetches, decodes and selects, to keep the page's thread free.
 
-import { UmbelError } from "../errors.js";
+import { UmbelError, type UmbelErrorKind } from "../errors.js";
 import { buffersOf } from "../pack/render_group.js";
 import { HttpSource } from "../source/http_source.js";
 import { BlobSource } from "../source/source.js";
@@ -40,17 +40,21 @@ async function open(message: ToWorker & { type: "open" }): Promise<void> {
     streamer = await Streamer.open(source, message.options, listener);
     send({ type: "opened", info: streamer.info });
   } catch (error) {
-    const kind = error instanceof UmbelError ? error.kind : "corrupt";
-    send({ type: "failed", kind, message: String(error instanceof Error ? error.message : error) });
+    send({ type: "failed", ...failureOf(error) });
   }
 }
 
-async function sendFile(index: number, isUrgent: boolean): Promise<void> {
+function failureOf(error: unknown): { kind: UmbelErrorKind; message: string } {
+  const kind = error instanceof UmbelError ? error.kind : "corrupt";
+  return { kind, message: String(error instanceof Error ? error.message : error) };
+}
+
+async function sendFile(from: Streamer, index: number, isUrgent: boolean): Promise<void> {
   try {
-    const bytes = await streamer?.readFile(index, isUrgent);
-    send({ type: "file", index, bytes }, bytes ? [bytes.buffer as ArrayBuffer] : []);
-  } catch {
-    send({ type: "file", index, bytes: undefined });
+    const bytes = await from.readFile(index, isUrgent);
+    send({ type: "file", index, bytes }, [bytes.buffer as ArrayBuffer]);
+  } catch (error) {
+    send({ type: "unread", index, ...failureOf(error) });
   }
 }
 
@@ -60,6 +64,6 @@ scope.onmessage = ({ data }) => {
   else if (data.type === "budget") streamer?.setBudget(data.bytes);
   else if (data.type === "scene") streamer?.setScene(data.scene);
   else if (data.type === "pause") streamer?.setPaused(data.isPaused);
-  else if (data.type === "file") void sendFile(data.index, data.isUrgent);
-  else streamer?.close();
+  else if (data.type === "close") streamer?.close();
+  else if (streamer) void sendFile(streamer, data.index, data.isUrgent);
 };

@@ -1,4 +1,4 @@
-import { Texture } from "three";
+import { Matrix3, Texture, Vector2 } from "three";
 import { describe, expect, test } from "vitest";
 import {
   applySampler,
@@ -24,7 +24,7 @@ describe("a sampler", () => {
     );
     expect(texture).toMatchObject({
       channel: 1,
-      rotation: 1,
+      matrixAutoUpdate: false,
       wrapS: 1001,
       wrapT: 1002,
       magFilter: 1003,
@@ -33,11 +33,15 @@ describe("a sampler", () => {
       flipY: false,
       colorSpace: "srgb",
     });
-    expect(texture.offset.toArray()).toEqual([0.5, 0.25]);
-    expect(texture.repeat.toArray()).toEqual([2, -4]);
+    // Scaled, then rotated, then moved.
+    const [c, s] = [Math.cos(1), Math.sin(1)];
+    const at = new Vector2(3, 5).applyMatrix3(texture.matrix);
+    expect(at.x).toBeCloseTo(c * 6 + s * -20 + 0.5, 12);
+    expect(at.y).toBeCloseTo(-s * 6 + c * -20 + 0.25, 12);
     expect(repeatsOf(info)).toBe(2);
     const plain = new Texture();
     applySampler(plain, {}, {}, false);
+    expect(plain.matrix.equals(new Matrix3())).toBe(true);
     expect(plain).toMatchObject({
       channel: 0,
       wrapS: 1000,

@@ -40,7 +40,7 @@ export class Arena {
   private readonly indices: Allocator;
   private readonly contents = new Map<RenderGroup, Allocation>();
   private readonly edgeOffsets = new Map<RenderGroup, Uint32Array>();
-  /** Bytes of its buffers, and of those parts of them that groups use. */
+  /** Bytes of its buffers without the edges, and of those parts of them that groups use. */
   readonly capacity: number;
   used = 0;
   private readonly vertexBytes: number;
@@ -135,6 +135,11 @@ export class Arena {
 
   get isEmpty(): boolean {
     return this.contents.size === 0;
+  }
+
+  /** Bytes of the indices of edges. */
+  get edgeBytes(): number {
+    return this.edges?.index?.array.byteLength ?? 0;
   }
 
   /** The edges of all groups as lines; later groups add theirs when they arrive. */

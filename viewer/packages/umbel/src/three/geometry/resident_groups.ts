@@ -46,11 +46,14 @@ export class ResidentGroups {
     this.layouts = meshes.map(({ attributes }) => layoutOf(attributes));
   }
 
-  /** Bytes of buffers that no group uses, without the emptiest buffer, which is being filled. */
+  /**
+   * Bytes of buffers that no group uses, without the emptiest buffer, which is being filled; and those
+   * of edges, which are not counted for groups.
+   */
   get slack(): number {
     let [bytes, most] = [0, 0];
-    for (const { capacity, used } of this.arenas) {
-      bytes += capacity - used;
+    for (const { capacity, used, edgeBytes } of this.arenas) {
+      bytes += capacity - used + edgeBytes;
       most = Math.max(most, capacity - used);
     }
     return bytes - most;

@@ -73,7 +73,7 @@ export function plainMaterial(layout: VertexLayout): AnyMaterial {
   return new MeshStandardMaterial({
     flatShading: !layout.normals,
     vertexColors: layout.colors,
-    color: 0xd8d2c8,
+    color: layout.colors ? 0xffffff : 0xd8d2c8,
     roughness: 0.62,
   });
 }

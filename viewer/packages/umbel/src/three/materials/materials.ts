@@ -20,7 +20,8 @@ export class Materials {
   readonly all: Material[] = [];
   /** Sentences about what is not shown. */
   readonly notes: string[] = [];
-  onNote: ((text: string) => void) | undefined;
+  /** Called with each new sentence, and with one that no longer holds. */
+  onNote: ((text: string, holds: boolean) => void) | undefined;
   readonly textures: Textures;
   /** glTF's materials. */
   private readonly definitions: Json[];
@@ -39,7 +40,9 @@ export class Materials {
     onArrival: () => void,
   ) {
     this.definitions = listOf(stream.info.materials.materials);
-    this.textures = new Textures(stream, basisPath, onArrival, (text) => this.note(text));
+    this.textures = new Textures(stream, basisPath, onArrival, (text, holds) =>
+      this.note(text, holds),
+    );
   }
 
   get names(): string[] {
@@ -60,11 +63,13 @@ export class Materials {
     return material;
   }
 
-  /** Reports something that is not shown, once. */
-  note(text: string): void {
-    if (this.notes.includes(text)) return;
-    this.notes.push(text);
-    this.onNote?.(text);
+  /** Reports something that is not shown, once; or that it `holds` no longer. */
+  note(text: string, holds = true): void {
+    const at = this.notes.indexOf(text);
+    if (at >= 0 === holds) return;
+    if (holds) this.notes.push(text);
+    else this.notes.splice(at, 1);
+    this.onNote?.(text, holds);
   }
 
   dispose(): void {

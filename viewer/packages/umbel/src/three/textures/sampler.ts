@@ -62,7 +62,11 @@ export function applySampler(texture: Texture, sampler: Json, info: Json, isColo
   if (isColor) texture.colorSpace = SRGBColorSpace;
   texture.channel = channelOf(info);
   const transform = transformOf(info);
-  texture.offset.fromArray(numbersOf(transform.offset, [0, 0]));
-  texture.repeat.fromArray(numbersOf(transform.scale, [1, 1]));
-  texture.rotation = numberOf(transform.rotation, 0);
+  const [offsetX = 0, offsetY = 0] = numbersOf(transform.offset, [0, 0]);
+  const [scaleX = 1, scaleY = 1] = numbersOf(transform.scale, [1, 1]);
+  const rotation = numberOf(transform.rotation, 0);
+  const [c, s] = [Math.cos(rotation), Math.sin(rotation)];
+  // glTF scales, then rotates; the fields of three.js's textures do so in the other order.
+  texture.matrixAutoUpdate = false;
+  texture.matrix.set(c * scaleX, s * scaleY, offsetX, -s * scaleX, c * scaleY, offsetY, 0, 0, 1);
 }

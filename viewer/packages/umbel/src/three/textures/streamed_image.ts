@@ -35,7 +35,7 @@ export class StreamedImage implements PlannedImage {
   full: number;
   smallest: number;
   isBusy = false;
-  /** Whether it can never be shown. */
+  /** Whether it cannot be read: never, or until the next attempt. */
   isBroken = false;
   /** Number of failed attempts in a row. */
   failures = 0;

@@ -2,7 +2,9 @@
 // ones, as large as they are visible and as the memory allows.
 
 import type { Material, WebGLRenderer } from "three";
+import { UmbelError } from "../../errors.js";
 import { type Json, jsonOf, listOf, numberOf } from "../../format/gltf.js";
+import { readWhole } from "../../source/patient_fetch.js";
 import type { AssetStream } from "../../worker/asset_stream.js";
 import { type DecodedImage, ImageDecoder, shrunk } from "./image_decoder.js";
 import { type Placeholder, placeholderImage } from "./placeholders.js";
@@ -12,9 +14,12 @@ import { planSizes } from "./texture_plan.js";
 
 /** Number of images that are read or decoded at the same time. */
 const MAX_ACTIVE = 3;
-/** Attempts to read an image, and milliseconds between them. */
+/** Attempts to read an image before it is given up, or is late if its server does not answer. */
 const MAX_ATTEMPTS = 2;
+/** Milliseconds until the second attempt; each further delay is twice as long, up to the most. */
 const RETRY_DELAY = 1500;
+const MAX_RETRY_DELAY = 24_000;
+const LATE = "Textures are late: they are requested again until they arrive.";
 
 export interface TextureStatistics {
   /** Memory of the resident ones. */
@@ -49,13 +54,13 @@ export class Textures {
 
   /**
    * @param onChange is called when a texture has arrived or changed its size
-   * @param note is called with sentences about what is not shown
+   * @param note is called with sentences about what is not shown, and when one no longer holds
    */
   constructor(
     private readonly stream: AssetStream,
     basisPath: string,
     private readonly onChange: () => void,
-    private readonly note: (text: string) => void,
+    private readonly note: (text: string, holds?: boolean) => void,
   ) {
     const { textures, samplers, images } = stream.info.materials;
     this.textures = listOf(textures);
@@ -138,7 +143,7 @@ export class Textures {
     this.plan();
   }
 
-  /** Whether every visible image has a copy of some size, or can never have one. */
+  /** Whether every visible image has a copy of some size, or cannot be read. */
   private get isComplete(): boolean {
     for (const { wanted, size, isBroken } of this.images.values())
       if (wanted > 0 && size === 0 && !isBroken) return false;
@@ -208,8 +213,9 @@ export class Textures {
       else if (decoded !== image.shown) image.show(decoded);
       image.failures = 0;
       image.isBusy = false;
-    } catch {
-      this.failed(image);
+      if (!this.isLate) this.note(LATE, false);
+    } catch (error) {
+      this.failed(image, error instanceof UmbelError && error.kind === "network");
     }
     --this.active;
     if (this.isDisposed) return;
@@ -217,32 +223,40 @@ export class Textures {
     this.plan();
   }
 
+  /** Whether an image waits for a server that does not answer. */
+  private get isLate(): boolean {
+    return [...this.images.values()].some(
+      ({ failures, isBusy }) => isBusy && failures >= MAX_ATTEMPTS,
+    );
+  }
+
   /** Tries again later, or gives up. */
-  private failed(image: StreamedImage): void {
+  private failed(image: StreamedImage, isLost: boolean): void {
     image.kept = undefined;
-    if (++image.failures < MAX_ATTEMPTS) {
-      setTimeout(() => {
-        image.isBusy = false;
-        this.plan();
-      }, RETRY_DELAY);
+    const isLast = ++image.failures >= MAX_ATTEMPTS;
+    // Other images do not wait for one that is late.
+    image.isBroken = isLast;
+    if (isLost || !isLast) {
+      if (isLast) this.note(LATE);
+      const delay = RETRY_DELAY * 2 ** (image.failures - 1);
+      setTimeout(
+        () => {
+          image.isBusy = image.isBroken = false;
+          this.plan();
+        },
+        Math.min(delay, MAX_RETRY_DELAY),
+      );
       return;
     }
     image.isBusy = false;
-    image.isBroken = true;
     if (image.size > 0) this.note("A texture stays coarse: a larger copy could not be read.");
     else this.note(`A texture could not be read${image.name && `: ${image.name}`}.`);
   }
 
   private async read({ file, uri }: ImageLevel, isUrgent: boolean): Promise<Uint8Array> {
-    if (file !== undefined) {
-      const bytes = await this.stream.readFile(file, isUrgent);
-      if (!bytes) throw new Error("an embedded file could not be read");
-      return bytes;
-    }
+    if (file !== undefined) return this.stream.readFile(file, isUrgent);
     const address = new URL(uri, this.stream.address);
-    const answer = await fetch(address);
-    if (!answer.ok) throw new Error(`${address} is not there`);
-    const bytes = new Uint8Array(await answer.arrayBuffer());
+    const bytes = await readWhole(address.href);
     if (address.protocol !== "data:") this.fetched += bytes.length;
     return bytes;
   }

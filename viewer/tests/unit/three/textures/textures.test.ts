@@ -1,0 +1,56 @@
+import { MeshBasicMaterial, type WebGLRenderer } from "three";
+import { afterEach, expect, test, vi } from "vitest";
+import { UmbelError, type UmbelErrorKind } from "../../../../packages/umbel/src/errors.js";
+import { Textures } from "../../../../packages/umbel/src/three/textures/textures.js";
+import type { AssetStream } from "../../../../packages/umbel/src/worker/asset_stream.js";
+
+vi.stubGlobal("ImageData", class {});
+vi.stubGlobal("createImageBitmap", async () => ({ width: 8, height: 8, close: () => {} }));
+afterEach(() => {
+  vi.useRealTimers();
+});
+
+/** Textures with an image that is in view and that cannot be read `failures` times. */
+function unreadable(kind: UmbelErrorKind, failures: number) {
+  vi.useFakeTimers();
+  const notes = new Set<string>();
+  let reads = 0;
+  const stream = {
+    info: { materials: { textures: [{ source: 0 }], images: [{ file: 0, width: 8, height: 8 }] } },
+    readFile: async () => {
+      if (++reads <= failures) throw new UmbelError(kind, "");
+      return new Uint8Array(4);
+    },
+  };
+  const textures = new Textures(
+    stream as unknown as AssetStream,
+    "",
+    () => {},
+    (text, holds = true) => {
+      if (holds) notes.add(text);
+      else notes.delete(text);
+    },
+  );
+  textures.use(0, new MeshBasicMaterial(), ["map"], { index: 0 }, true, "white");
+  textures.setDemand(new Map([[0, 8]]), {} as WebGLRenderer);
+  return { textures, notes, reads: () => reads };
+}
+
+test("a texture comes once its server answers again, however late", async () => {
+  const { textures, notes } = unreadable("network", 9);
+  await vi.advanceTimersByTimeAsync(60_000);
+  expect([...notes]).toEqual(["Textures are late: they are requested again until they arrive."]);
+  // Larger copies of other images do not wait for it.
+  expect(textures.statistics).toMatchObject({ resident: 0, isComplete: true });
+  await vi.advanceTimersByTimeAsync(200_000);
+  expect(textures.statistics).toMatchObject({ resident: 1, missing: 0 });
+  expect(notes.size).toBe(0);
+});
+
+test("a damaged texture is given up", async () => {
+  const { textures, notes, reads } = unreadable("corrupt", 9);
+  await vi.advanceTimersByTimeAsync(200_000);
+  expect(reads()).toBe(2);
+  expect([...notes]).toEqual(["A texture could not be read."]);
+  expect(textures.statistics).toMatchObject({ resident: 0, missing: 0, isComplete: true });
+});
