@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from helpers.mesh_files import bumpy_sphere
 from umbel import Material, Mesh, shapes
+from umbel.io.colors import to_linear
 
 _ODD = np.random.default_rng(20).integers(0, 2**63, 64, dtype=np.uint64) * np.uint64(2) + np.uint64(
     1
@@ -79,13 +80,15 @@ def full_mesh(seed: int = 0, materials: bool = True) -> Mesh:
     along = rng.normal(size=(n, 3))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     tangents = np.concatenate([along, rng.choice([-1.0, 1.0], size=(n, 1))], axis=1)
+    colors = rng.integers(0, 256, (n, 4)).astype(np.float32) / np.float32(255)
+    colors[:, :3] = to_linear(colors[:, :3])
     return Mesh(
         positions,
         triangles,
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
         tangents=tangents,
         uvs=rng.random((n, 2)) * 10 - 5,
-        colors=rng.integers(0, 256, (n, 4)).astype(np.float32) / np.float32(255),
+        colors=colors,
         material_ids=np.sort(rng.integers(0, 3, m)).astype(np.uint32) if materials else None,
         materials=[
             Material("stone", (0.5, 0.25, 0.125, 1.0), 0.0, 0.5),

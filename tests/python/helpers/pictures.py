@@ -43,7 +43,7 @@ def write_square(
     for array in arrays:
         views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes})
         data += array.tobytes()
-    root = {
+    root: dict[str, Any] = {
         "asset": {"version": "2.0"},
         "buffers": [{"byteLength": len(data), "uri": data_uri(data, "application/octet-stream")}],
         "bufferViews": views,
@@ -66,11 +66,16 @@ def write_square(
         "nodes": [{"mesh": 0}],
         "scenes": [{"nodes": [0]}],
         "materials": [material],
-        "textures": [{"source": 0, "sampler": 0}],
-        "samplers": [sampler or {}],
-        "images": [image or {"uri": data_uri(png([[RED, GREEN], [BLUE, WHITE]]), "image/png")}],
         **more,
     }
+    if '"index"' in json.dumps(root["materials"]):
+        uri = data_uri(png([[RED, GREEN], [BLUE, WHITE]]), "image/png")
+        textures = {
+            "textures": [{"source": 0, "sampler": 0}],
+            "samplers": [sampler or {}],
+            "images": [image or {"uri": uri}],
+        }
+        root = textures | root
     path.write_text(json.dumps(root))
     return path
 
