@@ -56,8 +56,8 @@ def changed_files() -> set[str]:
 
 
 def recent_files() -> set[str]:
-    """All but those tests and benchmarks that the last commits left alone: a fifth of them change
-    in so many, and they would take as long as the library."""
+    """All of the library, and the tests and benchmarks that the last commits changed: the others
+    would take as long again."""
     log = ["git", "log", f"--max-count={RECENT_COMMITS}", "--name-only", "--format="]
     recent = changed_files() | set(output_of(*log))
     return {path for path in cpp_files() if path in recent or not path.startswith(TEST_FOLDERS)}
@@ -156,7 +156,9 @@ def main() -> int:
     tidied_files = parser.add_mutually_exclusive_group()
     tidied_files.add_argument("--all", action="store_true", help="clang-tidy on all files")
     tidied_files.add_argument(
-        "--recent", action="store_true", help="clang-tidy on all but tests of long ago"
+        "--recent",
+        action="store_true",
+        help="clang-tidy on all but tests that no recent commit changed",
     )
     parser.add_argument("--fix", action="store_true", help="format instead of checking")
     options = parser.parse_args()
