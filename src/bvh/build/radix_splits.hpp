@@ -38,7 +38,12 @@ struct RadixClimb {
   int before, behind;   ///< bits in common with the codes beside it; -1: there are none
 
   UMBEL_HOST_DEVICE static RadixClimb from(const uint64_t* codes, uint32_t n, uint32_t leaf) {
-    RadixClimb climb{codes, n, leaf, leaf, -1, -1};
+    return from(codes, n, leaf, leaf);
+  }
+  /// From all codes below a node.
+  UMBEL_HOST_DEVICE static RadixClimb from(const uint64_t* codes, uint32_t n, uint32_t begin,
+                                           uint32_t end) {
+    RadixClimb climb{codes, n, begin, end, -1, -1};
     climb.look_before();
     climb.look_behind();
     return climb;

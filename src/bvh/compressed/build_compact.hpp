@@ -117,9 +117,11 @@ struct BoxScale {
 
 /// Brings coordinates of extreme size to about 1 by a power of two, so that areas neither overflow
 /// nor vanish. What that rounds away costs quality alone: nodes get their boxes from triangles.
-/// `scene` holds all boxes; *has_area says whether it has any area after that.
+/// `scene` holds all boxes; *has_area says whether it has any area after that, and *is_scaled
+/// whether boxes were changed.
 template <typename Exec>
-void bring_to_scale(Exec& exec, const Aabb* scene, Aabb* boxes, uint32_t n, uint32_t* has_area) {
+void bring_to_scale(Exec& exec, const Aabb* scene, Aabb* boxes, uint32_t n, uint32_t* has_area,
+                    uint32_t* is_scaled) {
   auto scale = exec.template allocate<BoxScale>(1);
   exec.for_each(1, [=, scale = scale.data()] UMBEL_DEVICE_LAMBDA(size_t) {
     Aabb whole = *scene;
@@ -137,6 +139,7 @@ void bring_to_scale(Exec& exec, const Aabb* scene, Aabb* boxes, uint32_t n, uint
       whole = {whole.min * found.factor, whole.max * found.factor};
     }
     *has_area = bvh::CompactSums::area(whole) > 0;
+    *is_scaled = found.is_needed;
     *scale = found;
   });
   exec.for_each_of(&scale.data()->is_needed, 1, n,
@@ -149,7 +152,8 @@ void bring_to_scale(Exec& exec, const Aabb* scene, Aabb* boxes, uint32_t n, uint
 /// The boxes that a tree is built over: of triangles, or of their parts.
 template <typename Exec>
 void make_boxes(Exec& exec, const MeshCorners& corners, uint32_t n, uint32_t references,
-                Aabb* boxes, Aabb* parts, uint32_t* triangles, uint32_t* has_area) {
+                Aabb* boxes, Aabb* parts, uint32_t* triangles, uint32_t* has_area,
+                uint32_t* is_scaled) {
   auto scene = exec.template allocate<Aabb>(1);
   if (references > n) {
     bvh::presplit(exec, corners, n, references - n, parts, triangles);
@@ -166,7 +170,7 @@ void make_boxes(Exec& exec, const MeshCorners& corners, uint32_t n, uint32_t ref
         },
         cluster::UniteBoxes{}, scene.data());
   }
-  bring_to_scale(exec, scene.data(), boxes, references, has_area);
+  bring_to_scale(exec, scene.data(), boxes, references, has_area, is_scaled);
 }
 
 /// Over n triangles with these names (none: by their indices), at most 2^28 references. With
@@ -184,13 +188,15 @@ void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names
   auto order = exec.template allocate<uint32_t>(references);
   auto triangle_of = exec.template allocate<uint32_t>(splits ? references : 0);
   auto parts = exec.template allocate<Aabb>(splits ? references : 0);
+  // Nodes, if their boxes are not those that the tree was built over; else 0.
+  auto unfitted = exec.template allocate<uint32_t>(1);
   {
     auto boxes = exec.template allocate<Aabb>(references);
     auto merges = exec.template allocate<bvh::Merge>(references);
     auto root = exec.template allocate<bvh::Subtree>(1);
     auto has_area = exec.template allocate<uint32_t>(1);
     make_boxes(exec, corners, n, references, boxes.data(), parts.data(), triangle_of.data(),
-               has_area.data());
+               has_area.data(), unfitted.data());
     stage("boxes");
     const uint32_t merge_count =
         config.builder == DeviceBuilder::kKmeans ? references : references - 1;
@@ -199,7 +205,8 @@ void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names
       return arrays.sums(has_area.data(), config.cost, config.max_leaf_size);
     };
     const auto lay_out = [&](const bvh::CompactSums& sums) {
-      bvh::lay_out_compact(exec, tree, sums, out.nodes, out.info, order.data());
+      bvh::lay_out_compact(exec, tree, sums, out.nodes, out.info, order.data(),
+                           unfitted.data());
     };
     if (sums_while_building(config)) {
       const bvh::CompactSumArrays<Exec> arrays(exec, merge_count);
@@ -218,13 +225,18 @@ void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names
   auto ordered_parts = exec.template allocate<Aabb>(splits ? references : 0);
   exec.for_each(references,
                 [=, order = order.data(), triangle_of = triangle_of.data(), parts = parts.data(),
-                 ordered = ordered_parts.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+                 ordered = ordered_parts.data(),
+                 unfitted = unfitted.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
                   const uint32_t item = order[i], triangle = splits ? triangle_of[item] : item;
                   const TriangleCorners c = corners(triangle);
                   if (splits) ordered[i] = parts[item];
+                  // It was built over as a point, and has no box.
+                  if (!is_finite(c.a) || !is_finite(c.b) || !is_finite(c.c))
+                    atomic_max(unfitted, out.info->nodes);
                   out.triangles[i] = {c.a, names ? names[triangle] : triangle, c.b, 0, c.c, 0};
                 });
-  bvh::refit_compact(exec, out, references, splits ? ordered_parts.data() : nullptr);
+  bvh::refit_compact(exec, out, unfitted.data(), references,
+                     splits ? ordered_parts.data() : nullptr);
   stage("triangles and their boxes");
 }
 
@@ -239,7 +251,7 @@ void refit_triangles(Exec& exec, const MeshCorners& corners, uint32_t references
     t.p1 = c.b;
     t.p2 = c.c;
   });
-  bvh::refit_compact(exec, tree, references, nullptr);
+  bvh::refit_compact(exec, tree, &tree.info->nodes, references, nullptr);
 }
 
 }  // namespace umbel::cuda

@@ -96,14 +96,16 @@ struct CompactClimb {
   }
 };
 
-/// Of a tree over at most `triangles`. `parts`, if any, are the boxes that its triangles count for.
+/// Of a tree over at most `triangles`, and so many nodes or none. `parts`, if any, are the boxes
+/// that its triangles count for.
 template <typename Exec>
-void refit_compact(Exec& exec, const CompactArrays& tree, uint32_t triangles, const Aabb* parts) {
+void refit_compact(Exec& exec, const CompactArrays& tree, const uint32_t* nodes, uint32_t triangles,
+                   const Aabb* parts) {
   const uint32_t most = compact_node_capacity(triangles);
   auto parents = exec.template allocate<uint32_t>(most);
   auto arrived = exec.template allocate<uint32_t>(most);
   auto exact = exec.template allocate<Aabb>(most);
-  exec.for_each_of(&tree.info->nodes, most, 1,
+  exec.for_each_of(nodes, most, 1,
                    [nodes = tree.nodes, parents = parents.data(),
                     arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
                      arrived[i] = 0;
@@ -112,7 +114,7 @@ void refit_compact(Exec& exec, const CompactArrays& tree, uint32_t triangles, co
                      for (uint32_t k = 0; k < children; ++k)
                        parents[nodes[i].first_child + k] = static_cast<uint32_t>(i);
                    });
-  exec.for_each_team_of(&tree.info->nodes, most,
+  exec.for_each_team_of(nodes, most,
                         CompactClimb{tree, parts, parents.data(), arrived.data(), exact.data()});
 }
 

@@ -61,6 +61,7 @@ struct CompactSums {
   const uint32_t* has_area;  ///< whether the root's box has any
   double traversal, intersection;
   uint32_t max_leaf_size;
+  uint32_t first = 0;  ///< the merge that the first elements belong to
 
   /// What is known of a subtree.
   struct Sum {
@@ -81,7 +82,7 @@ struct CompactSums {
   /// The box counts for primitives only.
   UMBEL_HOST_DEVICE Sum of(Subtree s, const Aabb& box) const {
     if (s.is_primitive()) return {weight(box) * intersection, CompactBelow::leaf()};
-    return {costs[s.index()], below[s.index()]};
+    return {costs[s.index() - first], below[s.index() - first]};
   }
   UMBEL_HOST_DEVICE Sum join(uint32_t id, const Merge& merge, const Sum& left,
                              const Sum& right) const {
@@ -94,13 +95,37 @@ struct CompactSums {
       sum.below.area = area_of(merge.box);
       sum.below.packed = node_over(merge.count, left.below, right.below);
     }
-    costs[id] = sum.cost;
-    below[id] = sum.below;
+    costs[id - first] = sum.cost;
+    below[id - first] = sum.below;
     return sum;
   }
 
+  /// As those of NoMergeSums.
+  template <uint32_t kMerges>
+  struct Shared {
+    CompactBelow below[kMerges];
+    double costs[kMerges];
+  };
+  template <uint32_t kMerges>
+  UMBEL_HOST_DEVICE CompactSums within(Shared<kMerges>& shared, uint32_t first_merge) const {
+    CompactSums own = *this;
+    own.below = shared.below;
+    own.costs = shared.costs;
+    own.first = first_merge;
+    return own;
+  }
+  template <typename Team, typename Take>
+  UMBEL_HOST_DEVICE void copy_to(const Team& team, uint32_t count, const Take& take,
+                                 const CompactSums& all) const {
+    for (uint32_t i = team.rank(); i < count; i += team.size()) {
+      if (!take(i)) continue;
+      all.below[first + i] = below[i];
+      all.costs[first + i] = costs[i];
+    }
+  }
+
   UMBEL_HOST_DEVICE CompactBelow look(Subtree s) const {
-    return s.is_primitive() ? CompactBelow::leaf() : below[s.index()];
+    return s.is_primitive() ? CompactBelow::leaf() : below[s.index() - first];
   }
   /// Makes the first two of up to 8 children the children of a node, by opening the one with the
   /// largest area again and again (Wald, Benthin & Boulos, "Getting Rid of Packets", 2008). Returns
@@ -168,8 +193,8 @@ class CompactSumArrays {
   }
   /// *has_area is set before anything is summed up.
   CompactSums sums(const uint32_t* has_area, const CostModel& cost, uint32_t max_leaf_size) const {
-    return {below_.data(),  costs_.data(),     has_area,
-            cost.traversal, cost.intersection, max_leaf_size};
+    return {below_.data(), costs_.data(), has_area, cost.traversal, cost.intersection,
+            max_leaf_size};
   }
 
  private:

@@ -4,7 +4,13 @@
 // On the way up (compact_sums.hpp) every merge found out how many nodes there would be below it if
 // it became one. So on the way down each node knows where all below it goes, and the same bytes
 // come out whatever the order in which nodes are done.
+//
+// Boxes of nodes are those of the merges that became their children. Only a tree of which that is
+// not so needs refit_compact(): items that are not what they count for in the end, or nodes that
+// are no merges.
 #pragma once
+
+#include <cstring>
 
 #include "bvh/compressed/compact_refit.hpp"
 #include "bvh/compressed/compact_sums.hpp"
@@ -51,14 +57,17 @@ struct CompactTop {
   struct Shared {
     Subtree ids[8];  ///< of the children
     CompactBelow below[8];
+    Aabb boxes[8];
     uint32_t counts[8];  ///< items
-    Vec3 away[8];        ///< twice the way from the node's centre to the child's
+    CompactNode node;
   };
 
   CompactLayout layout;
   CompactNode* nodes;
   uint32_t* order;     ///< which item each entry of the leaves is
   uint32_t* any_even;  ///< not 0: there are merges that were laid out evenly
+  uint32_t* unfitted;  ///< nodes, if their boxes must be found from below
+  CompactInfo* info;
   CompactTask* lists[2];
   uint32_t* list_sizes;  ///< of each level
 
@@ -84,6 +93,11 @@ struct CompactTop {
     CompactNode node{};
     node.meta[0] = static_cast<uint8_t>(layout.count(root));
     write_leaf(root, 0);
+    const Aabb box = without_negative_zero(layout.box(root));
+    const CompactGrid grid(box);
+    grid.write(node);
+    grid.write(node, 0, box);
+    info->bounds = box;
     nodes[0] = node;
   }
 
@@ -97,8 +111,12 @@ struct CompactTop {
                               uint32_t level, Shared& shared) const {
     const uint32_t count = open(team, whole, shared);
     uint32_t used = 0;  // slots, as bits
-    const uint32_t child_in = choose_slots(team, task.merge, count, shared, used);
+    // Which zero is the lowest depends on the order.
+    const Aabb box = without_negative_zero(layout.tree.merges[task.merge].box);
+    const uint32_t child_in = choose_slots(team, box, count, shared, used);
+    const CompactGrid grid(box);
     CompactNode node{};
+    grid.write(node);
     node.first_child = task.below;
     node.first_triangle = task.triangle;
     // Every lane counts in all slots, and does what is to be done in its own.
@@ -127,7 +145,27 @@ struct CompactTop {
       below += shared.below[k].nodes() - 1;
       triangle += shared.counts[k];
     }
-    if (team.rank() == 0) nodes[task.node] = node;
+    if (team.rank() == 0) {
+      shared.node = node;
+      if (level == 0) info->bounds = box;
+    }
+    team.sync();
+    for (uint32_t slot = team.rank(); slot < 8; slot += team.size())
+      if (used >> slot & 1) grid.write(shared.node, slot, shared.boxes[child_in >> 4 * slot & 7]);
+    team.sync();
+    write_node(team, shared.node, nodes[task.node]);
+  }
+
+  /// Lanes write words side by side.
+  template <typename Team>
+  UMBEL_HOST_DEVICE static void write_node(const Team& team, const CompactNode& from,
+                                           CompactNode& to) {
+    constexpr uint32_t kWords = sizeof(CompactNode) / sizeof(uint32_t);
+    for (uint32_t i = team.rank(); i < kWords; i += team.size()) {
+      uint32_t word;
+      memcpy(&word, reinterpret_cast<const char*>(&from) + i * sizeof(word), sizeof(word));
+      memcpy(reinterpret_cast<char*>(&to) + i * sizeof(word), &word, sizeof(word));
+    }
   }
 
   /// Finds the children of a node as CompactSums::open() does. Returns how many there are.
@@ -177,13 +215,11 @@ struct CompactTop {
   /// Gives each child the slot of the corner that it lies towards, the clearest first. Returns the
   /// child of each slot that is used, four bits a slot.
   template <typename Team>
-  UMBEL_HOST_DEVICE uint32_t choose_slots(const Team& team, uint32_t merge, uint32_t count,
+  UMBEL_HOST_DEVICE uint32_t choose_slots(const Team& team, const Aabb& whole, uint32_t count,
                                           Shared& shared, uint32_t& used) const {
-    const Aabb& whole = layout.tree.merges[merge].box;
     const Vec3 center = whole.min + whole.max;
     for (uint32_t i = team.rank(); i < count; i += team.size()) {
-      const Aabb& box = layout.box(shared.ids[i]);
-      shared.away[i] = box.min + box.max - center;
+      shared.boxes[i] = layout.box(shared.ids[i]);
       shared.counts[i] = layout.count(shared.ids[i]);
     }
     // Each thread reads what it wrote itself; reduce() is a sync() for the counts.
@@ -192,7 +228,8 @@ struct CompactTop {
       Largest best;
       for (uint32_t i = team.rank(); i < count; i += team.size()) {
         if (placed >> i & 1) continue;
-        const Vec3 away = shared.away[i];
+        // Twice the way from the node's centre to the child's.
+        const Vec3 away = shared.boxes[i].min + shared.boxes[i].max - center;
         UMBEL_UNROLL
         for (uint32_t slot = 0; slot < 8; ++slot) {
           if (used >> slot & 1) continue;
@@ -215,6 +252,7 @@ struct CompactTop {
     even.area = CompactBelow::kEven;
     even.packed = task.triangle;
     *any_even = 1;
+    *unfitted = info->nodes;
     task.items = layout.tree.merges[task.merge].count;
     make_even(task, level);
   }
@@ -260,12 +298,14 @@ struct CompactTop {
   }
 };
 
-/// Lays out a tree of at least one item, once all merges are summed up: the nodes without their
-/// boxes, `info` without bounds, and which item each entry of the leaves is.
+/// Lays out a tree of at least one item, once all merges are summed up: the nodes, `info`, and
+/// which item each entry of the leaves is. *unfitted becomes how many nodes there are if their
+/// boxes are still to be made, by refit_compact(), else 0; it is not 0 before if that is known
+/// already.
 /// Long, as it is one kernel after the other, all of which use the same arrays.
 template <typename Exec>
 void lay_out_compact(Exec& exec, const BinaryTree& tree, const CompactSums& sums,
-                     CompactNode* nodes, CompactInfo* info, uint32_t* order) {
+                     CompactNode* nodes, CompactInfo* info, uint32_t* order, uint32_t* unfitted) {
   const CompactLayout layout{tree, sums};
   // Nodes of a level have two items each at least.
   const uint32_t most = tree.items / 2 + 1;
@@ -273,7 +313,10 @@ void lay_out_compact(Exec& exec, const BinaryTree& tree, const CompactSums& sums
   auto other = exec.template allocate<CompactTask>(most);
   auto counts = exec.template allocate<uint32_t>(kMaxCompactDepth + 2);
   uint32_t* any_even = counts.data() + kMaxCompactDepth + 1;
-  const CompactTop top{layout, nodes, order, any_even, {list.data(), other.data()}, counts.data()};
+  const CompactTop top{layout,   nodes, order,
+                       any_even, unfitted, info,
+                       {list.data(), other.data()},
+                       counts.data()};
   exec.for_each(1, [=, list = list.data(), counts = counts.data()] UMBEL_DEVICE_LAMBDA(size_t) {
     for (uint32_t i = 0; i < kMaxCompactDepth + 2; ++i) counts[i] = 0;
     const Subtree root = *layout.tree.root;
@@ -284,6 +327,7 @@ void lay_out_compact(Exec& exec, const BinaryTree& tree, const CompactSums& sums
     whole.nodes = sum.below.is_leaf() ? 1 : sum.below.nodes();
     whole.sah_cost = static_cast<float>(sum.cost / layout.sums.weight(box));
     *info = whole;
+    if (*unfitted != 0) *unfitted = whole.nodes;
     if (sum.below.is_leaf()) {
       top.make_only(root);
     } else {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <map>
 
 #include "base/thread_teams.hpp"
@@ -80,6 +81,27 @@ TEST_P(BuildBvh, every_triangle_is_in_one_leaf_and_in_all_boxes_above) {
     SCOPED_TRACE(input.name);
     const Mesh mesh = mesh_of(input.boxes);
     expect_sound(build(mesh, device_builder_preset(GetParam())), mesh);
+  }
+}
+
+TEST_P(BuildBvh, boxes_are_those_that_a_refit_finds) {
+  std::vector<bvh::NamedBoxes> inputs = bvh::nasty_boxes();
+  inputs.push_back({"random", bvh::random_boxes(20000, 1)});
+  for (const bvh::NamedBoxes& input : inputs) {
+    SCOPED_TRACE(input.name);
+    const Mesh mesh = mesh_of(input.boxes);
+    const DeviceBvhConfig config = device_builder_preset(GetParam());
+    const CompactTree built = build(mesh, config);
+    CompactTree refitted = built;
+    const DeviceBvh out{refitted.nodes.data(), refitted.triangles.data(), &refitted.info};
+    size_t bytes = 0;
+    refit_bvh(nullptr, bytes, view_of(mesh), config, out);
+    std::vector<char> scratch(bytes);
+    refit_bvh(scratch.data(), bytes, view_of(mesh), config, out);
+    EXPECT_EQ(std::memcmp(&built.info, &refitted.info, sizeof(built.info)), 0);
+    EXPECT_EQ(std::memcmp(built.nodes.data(), refitted.nodes.data(),
+                          built.info.nodes * sizeof(bvh::CompactNode)),
+              0);
   }
 }
 
@@ -353,13 +375,16 @@ TEST(CompactTreeLayout, trees_that_are_too_deep_are_laid_out_evenly) {
     const uint32_t has_area = 1;
     const bvh::CompactSums sums = arrays.sums(&has_area, {}, 8);
     bvh::sum_up(exec, binary, sums);
-    bvh::lay_out_compact(exec, binary, sums, tree.nodes.data(), &tree.info, order.data());
+    uint32_t unfitted = 0;
+    bvh::lay_out_compact(exec, binary, sums, tree.nodes.data(), &tree.info, order.data(),
+                         &unfitted);
+    EXPECT_EQ(unfitted, tree.info.nodes);
     for (uint32_t i = 0; i < n; ++i) {
       const Triangle& t = mesh.triangles[order[i]];
       tree.triangles[i] = {mesh.positions[t[0]], order[i], mesh.positions[t[1]], 0,
                            mesh.positions[t[2]], 0};
     }
-    bvh::refit_compact(exec, tree.view(), n, nullptr);
+    bvh::refit_compact(exec, tree.view(), &unfitted, n, nullptr);
     expect_sound(tree, mesh);
     // The list's order is kept, so neighbours stay neighbours.
     if (n == 12000)
