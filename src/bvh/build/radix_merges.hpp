@@ -20,12 +20,8 @@ namespace umbel::bvh {
 /// Node i, and merge i, is where the codes i and i + 1 part.
 template <typename Sums>
 struct RadixTeams {
-#ifndef RADIX_LANES
-#define RADIX_LANES 128
-#define RADIX_CODES 512
-#endif
-  static constexpr uint32_t kLanes = RADIX_LANES;
-  static constexpr uint32_t kCodes = RADIX_CODES;  ///< of a chunk
+  static constexpr uint32_t kLanes = 128;
+  static constexpr uint32_t kCodes = 512;  ///< of a chunk
 
   /// A subtree as it waits at the node above it.
   struct Below {
@@ -36,7 +32,7 @@ struct RadixTeams {
       return {far_end << 16 | merge};
     }
     UMBEL_HOST_DEVICE bool is_missing() const { return word == kMissing; }
-    UMBEL_HOST_DEVICE uint32_t far_end() const { return word >> 16; }  ///< of its codes
+    UMBEL_HOST_DEVICE uint32_t far_end() const { return word >> 16; }   ///< of its codes
     UMBEL_HOST_DEVICE uint32_t merge() const { return word & 0xffff; }  ///< unless it is one code
   };
   /// Codes of the chunk, the last one included, with the merge over them if they are several.
@@ -103,8 +99,7 @@ struct RadixTeams {
       if (shared.states[i] == kOneWaits)
         shared.lists[0][team.add(waiting_size, 1)] = static_cast<uint16_t>(i);
     copy_made(team, first, count, shared);
-    own_sums.copy_to(
-        team, count, [&](uint32_t i) { return shared.states[i] == kMade; }, sums);
+    own_sums.copy_to(team, count, [&](uint32_t i) { return shared.states[i] == kMade; }, sums);
     team.sync();
     const uint32_t waiting = *waiting_size, rest = waiting + shared.ends;
     for (uint32_t i = team.rank(); i < rest; i += team.size())
@@ -138,10 +133,8 @@ struct RadixTeams {
     const Below left = shared.left[node], right = shared.right[node];
     const Range range{left.far_end(), right.far_end(), node};
     Aabb left_box, right_box;
-    const Subtree left_tree =
-        look({range.begin, node, left.merge()}, first, shared, left_box);
-    const Subtree right_tree =
-        look({node + 1, range.end, right.merge()}, first, shared, right_box);
+    const Subtree left_tree = look({range.begin, node, left.merge()}, first, shared, left_box);
+    const Subtree right_tree = look({node + 1, range.end, right.merge()}, first, shared, right_box);
     const Merge merge{united(left_box, right_box), left_tree, right_tree,
                       range.end - range.begin + 1};
     shared.merges[node] = merge;

@@ -205,8 +205,7 @@ void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names
       return arrays.sums(has_area.data(), config.cost, config.max_leaf_size);
     };
     const auto lay_out = [&](const bvh::CompactSums& sums) {
-      bvh::lay_out_compact(exec, tree, sums, out.nodes, out.info, order.data(),
-                           unfitted.data());
+      bvh::lay_out_compact(exec, tree, sums, out.nodes, out.info, order.data(), unfitted.data());
     };
     if (sums_while_building(config)) {
       const bvh::CompactSumArrays<Exec> arrays(exec, merge_count);
@@ -223,18 +222,17 @@ void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names
     stage("nodes");
   }
   auto ordered_parts = exec.template allocate<Aabb>(splits ? references : 0);
-  exec.for_each(references,
-                [=, order = order.data(), triangle_of = triangle_of.data(), parts = parts.data(),
-                 ordered = ordered_parts.data(),
-                 unfitted = unfitted.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-                  const uint32_t item = order[i], triangle = splits ? triangle_of[item] : item;
-                  const TriangleCorners c = corners(triangle);
-                  if (splits) ordered[i] = parts[item];
-                  // It was built over as a point, and has no box.
-                  if (!is_finite(c.a) || !is_finite(c.b) || !is_finite(c.c))
-                    atomic_max(unfitted, out.info->nodes);
-                  out.triangles[i] = {c.a, names ? names[triangle] : triangle, c.b, 0, c.c, 0};
-                });
+  exec.for_each(references, [=, order = order.data(), triangle_of = triangle_of.data(),
+                             parts = parts.data(), ordered = ordered_parts.data(),
+                             unfitted = unfitted.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+    const uint32_t item = order[i], triangle = splits ? triangle_of[item] : item;
+    const TriangleCorners c = corners(triangle);
+    if (splits) ordered[i] = parts[item];
+    // It was built over as a point, and has no box.
+    if (!is_finite(c.a) || !is_finite(c.b) || !is_finite(c.c))
+      atomic_max(unfitted, out.info->nodes);
+    out.triangles[i] = {c.a, names ? names[triangle] : triangle, c.b, 0, c.c, 0};
+  });
   bvh::refit_compact(exec, out, unfitted.data(), references,
                      splits ? ordered_parts.data() : nullptr);
   stage("triangles and their boxes");

@@ -193,8 +193,8 @@ class CompactSumArrays {
   }
   /// *has_area is set before anything is summed up.
   CompactSums sums(const uint32_t* has_area, const CostModel& cost, uint32_t max_leaf_size) const {
-    return {below_.data(), costs_.data(), has_area, cost.traversal, cost.intersection,
-            max_leaf_size};
+    return {below_.data(),  costs_.data(),     has_area,
+            cost.traversal, cost.intersection, max_leaf_size};
   }
 
  private:

@@ -313,10 +313,8 @@ void lay_out_compact(Exec& exec, const BinaryTree& tree, const CompactSums& sums
   auto other = exec.template allocate<CompactTask>(most);
   auto counts = exec.template allocate<uint32_t>(kMaxCompactDepth + 2);
   uint32_t* any_even = counts.data() + kMaxCompactDepth + 1;
-  const CompactTop top{layout,   nodes, order,
-                       any_even, unfitted, info,
-                       {list.data(), other.data()},
-                       counts.data()};
+  const CompactTop top{
+      layout, nodes, order, any_even, unfitted, info, {list.data(), other.data()}, counts.data()};
   exec.for_each(1, [=, list = list.data(), counts = counts.data()] UMBEL_DEVICE_LAMBDA(size_t) {
     for (uint32_t i = 0; i < kMaxCompactDepth + 2; ++i) counts[i] = 0;
     const Subtree root = *layout.tree.root;
