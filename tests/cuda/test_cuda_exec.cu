@@ -415,7 +415,8 @@ struct OctetTree {
     for (uint32_t lane = team.rank(); lane < 8; lane += team.size())
       fold += shared.values[7 - lane] * (lane + 1);
     fold = team.reduce(fold, Sum());
-    if (team.rank() == 0) folds[number] = fold;
+    // Read after the last sync: who writes next has to wait.
+    if (team.rank() == 0) folds[number] = fold + shared.values[7];
     for (uint32_t lane = team.rank(); lane < 8; lane += team.size()) {
       const uint32_t next = 8 * number + lane + 1;
       if (next < end) lists[(layer + 1) % 2][atomic_count(&counts[layer + 1])] = next;
@@ -431,7 +432,7 @@ TEST_F(TeamsOnDevice, eight_lanes_do_what_one_thread_does_layer_by_layer) {
   counts[0] = 1;
   for (uint32_t number = 0; number < kEnd; ++number)
     for (uint32_t lane = 0; lane < 8; ++lane)
-      expected[number] += (number * 3 + 7 - lane) * (lane + 1);
+      expected[number] += (number * 3 + 7 - lane) * (lane + 1) + (lane == 7 ? number * 3 + 7 : 0);
   const DeviceArray<uint32_t> counts_there(counts), odd(kEnd), folds(kEnd);
   const DeviceArray<uint32_t> even(std::vector<uint32_t>(kEnd, 0));
   run([&](CudaExec& exec) {

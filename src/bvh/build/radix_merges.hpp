@@ -17,11 +17,16 @@
 
 namespace umbel::bvh {
 
-/// Node i, and merge i, is where the codes i and i + 1 part.
-template <typename Sums>
+/// Codes of a chunk, on a device. The emulator of tests/simt has fewer, so that small meshes have
+/// several chunks.
+#if !defined(UMBEL_CHUNK_CODES)
+#define UMBEL_CHUNK_CODES 512
+#endif
+
+/// Node i, and merge i, is where the codes i and i + 1 part. A chunk has kCodes codes.
+template <typename Sums, uint32_t kCodes>
 struct RadixTeams {
   static constexpr uint32_t kLanes = 128;
-  static constexpr uint32_t kCodes = 512;  ///< of a chunk
 
   /// A subtree as it waits at the node above it.
   struct Below {
@@ -211,11 +216,12 @@ struct RadixTeams {
 template <typename Exec, typename Sums = NoMergeSums>
 void radix_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitives, const Aabb* boxes,
                   uint32_t n, Merge* merges, Subtree* root, const Sums& sums = {}) {
-  using Teams = RadixTeams<Sums>;
+  constexpr uint32_t kCodes = Exec::kSerialTeams ? 512 : UMBEL_CHUNK_CODES;
   auto met = exec.template allocate<uint64_t>(n);
   exec.for_each(n, [met = met.data()] UMBEL_DEVICE_LAMBDA(size_t i) { met[i] = kNobodyMet; });
-  exec.for_each_team((n + size_t{Teams::kCodes} - 1) / Teams::kCodes,
-                     Teams{codes, primitives, boxes, n, met.data(), merges, root, sums});
+  exec.for_each_team(
+      (n + size_t{kCodes} - 1) / kCodes,
+      RadixTeams<Sums, kCodes>{codes, primitives, boxes, n, met.data(), merges, root, sums});
 }
 
 }  // namespace umbel::bvh

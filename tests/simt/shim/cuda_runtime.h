@@ -37,6 +37,7 @@ inline const umbel::simt::Index3& gridDim = umbel::simt::grid_size;
 /// See src/cuda/cuda_exec.cuh.
 #define UMBEL_MOST_BLOCKS 2
 #define UMBEL_FEW_THREADS 1024
+#define UMBEL_CHUNK_CODES 32
 /// See src/cuda/arena.hpp.
 #define UMBEL_POISON(memory, bytes) umbel::simt::poison(memory, bytes)
 /// See src/base/exec.hpp.
