@@ -51,10 +51,14 @@ class Ploc {
   /// every round.
   void run(Exec& exec, const Aabb* boxes, uint32_t n, uint32_t radius, Merge* merges,
            Subtree* root) {
-    clusters_ = exec.template allocate<PlocCluster>(n);
-    merged_ = exec.template allocate<PlocCluster>(n);
-    nearest_ = exec.template allocate<uint32_t>(n);
-    targets_ = exec.template allocate<uint64_t>(n + size_t{1});
+    const auto clusters = exec.template allocate<PlocCluster>(n);
+    const auto others = exec.template allocate<PlocCluster>(n);
+    const auto nearest = exec.template allocate<uint32_t>(n);
+    const auto targets = exec.template allocate<uint64_t>(n + size_t{1});
+    clusters_ = clusters.data();
+    merged_ = others.data();
+    nearest_ = nearest.data();
+    targets_ = targets.data();
     gather(exec, boxes, n);
     uint32_t made = 0;
     for (uint32_t left = n; left > 1;) {
@@ -66,7 +70,7 @@ class Ploc {
       made += pairs;
       left -= pairs;
     }
-    exec.for_each(1, [clusters = clusters_.data(), root] UMBEL_DEVICE_LAMBDA(size_t) {
+    exec.for_each(1, [clusters = clusters_, root] UMBEL_DEVICE_LAMBDA(size_t) {
       *root = clusters[0].subtree;
     });
   }
@@ -75,22 +79,21 @@ class Ploc {
 
   void gather(Exec& exec, const Aabb* boxes, uint32_t n) {
     const auto order = morton_order<uint64_t>(exec, boxes, n, 21);
-    exec.for_each(n, [=, to = clusters_.data(),
-                      primitives = order.primitives.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-      to[i] = {boxes[primitives[i]], Subtree::of_primitive(primitives[i]), 1};
-    });
+    exec.for_each(
+        n, [=, to = clusters_, primitives = order.primitives.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+          to[i] = {boxes[primitives[i]], Subtree::of_primitive(primitives[i]), 1};
+        });
   }
 
   uint32_t find_pairs(Exec& exec, uint32_t count, uint32_t radius) {
-    exec.for_each(count, [=, clusters = clusters_.data(),
-                          to = nearest_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+    exec.for_each(count, [=, clusters = clusters_, to = nearest_] UMBEL_DEVICE_LAMBDA(size_t i) {
       to[i] = nearest_within(clusters, count, static_cast<uint32_t>(i), radius);
     });
     return count_pairs(exec, count);
   }
 
   uint32_t pair_neighbors(Exec& exec, uint32_t count) {
-    exec.for_each(count, [=, to = nearest_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+    exec.for_each(count, [=, to = nearest_] UMBEL_DEVICE_LAMBDA(size_t i) {
       const auto other = static_cast<uint32_t>(i ^ 1);
       to[i] = other < count ? other : static_cast<uint32_t>(i);
     });
@@ -101,45 +104,43 @@ class Ploc {
   uint32_t count_pairs(Exec& exec, uint32_t count) {
     exec.exclusive_scan(
         count,
-        [nearest = nearest_.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint64_t {
+        [nearest = nearest_] UMBEL_DEVICE_LAMBDA(size_t i) -> uint64_t {
           const bool is_paired = nearest[nearest[i]] == i;
           return (is_paired && i < nearest[i] ? 1 : 0) |
                  (is_paired && nearest[i] < i ? 0 : uint64_t{1} << 32);
         },
-        targets_.data());
-    return static_cast<uint32_t>(exec.read(targets_.data() + count));
+        targets_);
+    return static_cast<uint32_t>(exec.read(targets_ + count));
   }
 
   void merge(Exec& exec, uint32_t count, uint32_t made, Merge* merges) {
-    exec.for_each(count,
-                  [=, from = clusters_.data(), to = merged_.data(), nearest = nearest_.data(),
-                   targets = targets_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-                    const uint32_t other = nearest[i];
-                    const bool is_pair = other != i && nearest[other] == i;
-                    if (is_pair && other < i) return;
-                    PlocCluster cluster = from[i];
-                    if (is_pair) {
-                      const PlocCluster& right = from[other];
-                      const uint32_t merge = made + static_cast<uint32_t>(targets[i]);
-                      cluster.box = united(cluster.box, right.box);
-                      cluster.count += right.count;
-                      merges[merge] = {cluster.box, cluster.subtree, right.subtree, cluster.count};
-                      cluster.subtree = Subtree::of_merge(merge);
-                    }
-                    to[targets[i] >> 32] = cluster;
-                  });
+    exec.for_each(count, [=, from = clusters_, to = merged_, nearest = nearest_,
+                          targets = targets_] UMBEL_DEVICE_LAMBDA(size_t i) {
+      const uint32_t other = nearest[i];
+      const bool is_pair = other != i && nearest[other] == i;
+      if (is_pair && other < i) return;
+      PlocCluster cluster = from[i];
+      if (is_pair) {
+        const PlocCluster& right = from[other];
+        const uint32_t merge = made + static_cast<uint32_t>(targets[i]);
+        cluster.box = united(cluster.box, right.box);
+        cluster.count += right.count;
+        merges[merge] = {cluster.box, cluster.subtree, right.subtree, cluster.count};
+        cluster.subtree = Subtree::of_merge(merge);
+      }
+      to[targets[i] >> 32] = cluster;
+    });
     std::swap(clusters_, merged_);
   }
 
  private:
   static constexpr uint32_t kFew = 64;
 
-  template <typename T>
-  using Buffer = typename Exec::template Buffer<T>;
-
-  Buffer<PlocCluster> clusters_, merged_;
-  Buffer<uint32_t> nearest_;
-  Buffer<uint64_t> targets_;  ///< the pairs before each, and above them the clusters there will be
+  // Pointers change places after each round; buffers must not, or their memory is not given back.
+  PlocCluster *clusters_ = nullptr, *merged_ = nullptr;
+  uint32_t* nearest_ = nullptr;
+  uint64_t* targets_ =
+      nullptr;  ///< the pairs before each, and above them the clusters there will be
 };
 
 }  // namespace umbel::bvh
