@@ -110,50 +110,64 @@ struct CompactTop {
   UMBEL_HOST_DEVICE void make(const Team& team, const CompactTask& task, const CompactBelow& whole,
                               uint32_t level, Shared& shared) const {
     const uint32_t count = open(team, whole, shared);
-    uint32_t used = 0;  // slots, as bits
     // Which zero is the lowest depends on the order.
     const Aabb box = without_negative_zero(layout.tree.merges[task.merge].box);
+    uint32_t used = 0;  // slots, as bits
     const uint32_t child_in = choose_slots(team, box, count, shared, used);
     const CompactGrid grid(box);
-    CompactNode node{};
-    grid.write(node);
-    node.first_child = task.below;
-    node.first_triangle = task.triangle;
-    // Every lane counts in all slots, and does what is to be done in its own.
-    const auto is_own = [&](uint32_t slot) { return slot % team.size() == team.rank(); };
-    uint32_t triangle = task.triangle, inner = 0;
-    UMBEL_UNROLL
-    for (uint32_t slot = 0; slot < 8; ++slot) {
-      if ((used >> slot & 1) == 0) continue;
-      const uint32_t k = child_in >> 4 * slot & 7;
-      if (shared.below[k].is_leaf()) {
-        node.meta[slot] = static_cast<uint8_t>(shared.counts[k]);
-        if (is_own(slot)) write_leaf(shared.ids[k], triangle);
-        triangle += shared.counts[k];
-      } else {
-        node.meta[slot] = CompactNode::kInner;
-        node.inner |= static_cast<uint8_t>(1u << slot);
-        ++inner;
-      }
-    }
-    uint32_t next = task.below, below = task.below + inner;
-    for (uint32_t slot = 0; slot < 8; ++slot) {
-      if ((node.inner >> slot & 1) == 0) continue;
-      const uint32_t k = child_in >> 4 * slot & 7;
-      if (is_own(slot)) push(level, {shared.ids[k].index(), 0, next, below, triangle});
-      ++next;
-      below += shared.below[k].nodes() - 1;
-      triangle += shared.counts[k];
-    }
     if (team.rank() == 0) {
-      shared.node = node;
+      grid.write(shared.node);
+      shared.node.first_child = task.below;
+      shared.node.first_triangle = task.triangle;
       if (level == 0) info->bounds = box;
     }
-    team.sync();
-    for (uint32_t slot = team.rank(); slot < 8; slot += team.size())
-      if (used >> slot & 1) grid.write(shared.node, slot, shared.boxes[child_in >> 4 * slot & 7]);
+    for (uint32_t slot = team.rank(); slot < 8; slot += team.size()) {
+      const bool is_used = used >> slot & 1;
+      const uint32_t k = child_in >> 4 * slot & 7;
+      const Before before = count_before(slot, used, child_in, shared);
+      const bool is_inner = before.inner >> slot & 1;
+      shared.node.meta[slot] = !is_used   ? uint8_t{0}
+                               : is_inner ? CompactNode::kInner
+                                          : static_cast<uint8_t>(shared.counts[k]);
+      grid.write(shared.node, slot, is_used ? shared.boxes[k] : Aabb{});
+      if (slot == 0) shared.node.inner = static_cast<uint8_t>(before.inner);
+      if (is_inner) {
+        push(level, {shared.ids[k].index(), 0, task.below + before.children,
+                     task.below + count_bits(before.inner) + before.nodes,
+                     task.triangle + before.in_nodes});
+      } else if (is_used) {
+        write_leaf(shared.ids[k], task.triangle + before.in_leaves);
+      }
+    }
     team.sync();
     write_node(team, shared.node, nodes[task.node]);
+  }
+
+  /// What comes before a slot: first the triangles of all leaves, then those below the nodes.
+  struct Before {
+    uint32_t inner = 0;  ///< slots with a node, as bits: all of them
+    uint32_t in_leaves = 0, in_nodes = 0;
+    uint32_t children = 0, nodes = 0;  ///< those that are nodes, and the nodes below them
+  };
+  UMBEL_HOST_DEVICE static Before count_before(uint32_t slot, uint32_t used, uint32_t child_in,
+                                               const Shared& shared) {
+    Before before;
+    for (uint32_t other = 0; other < 8; ++other) {
+      if ((used >> other & 1) == 0) continue;
+      const uint32_t k = child_in >> 4 * other & 7, count = shared.counts[k];
+      const CompactBelow& below = shared.below[k];
+      if (below.is_leaf()) {
+        before.in_nodes += count;
+        if (other < slot) before.in_leaves += count;
+      } else {
+        before.inner |= 1u << other;
+        if (other >= slot) continue;
+        before.in_nodes += count;
+        before.nodes += below.nodes() - 1;
+        ++before.children;
+      }
+    }
+    return before;
   }
 
   /// Lanes write words side by side.
@@ -168,7 +182,8 @@ struct CompactTop {
     }
   }
 
-  /// Finds the children of a node as CompactSums::open() does. Returns how many there are.
+  /// Finds the children of a node as CompactSums::open() does, and all that is to be known of them.
+  /// Returns how many there are; their boxes and counts are there after the next sync().
   template <typename Team>
   UMBEL_HOST_DEVICE uint32_t open(const Team& team, const CompactBelow& whole,
                                   Shared& shared) const {
@@ -191,6 +206,10 @@ struct CompactTop {
       const CompactBelow opened = shared.below[largest.place];
       team.sync();  // all have read it
       put(largest.place, count, opened);
+    }
+    for (uint32_t i = team.rank(); i < count; i += team.size()) {
+      shared.boxes[i] = layout.box(shared.ids[i]);
+      shared.counts[i] = layout.count(shared.ids[i]);
     }
     return count;
   }
@@ -216,13 +235,8 @@ struct CompactTop {
   /// child of each slot that is used, four bits a slot.
   template <typename Team>
   UMBEL_HOST_DEVICE uint32_t choose_slots(const Team& team, const Aabb& whole, uint32_t count,
-                                          Shared& shared, uint32_t& used) const {
+                                          const Shared& shared, uint32_t& used) const {
     const Vec3 center = whole.min + whole.max;
-    for (uint32_t i = team.rank(); i < count; i += team.size()) {
-      shared.boxes[i] = layout.box(shared.ids[i]);
-      shared.counts[i] = layout.count(shared.ids[i]);
-    }
-    // Each thread reads what it wrote itself; reduce() is a sync() for the counts.
     uint32_t placed = 0, child_in = 0;
     for (uint32_t round = 0; round < count; ++round) {
       Largest best;
