@@ -17,8 +17,8 @@
 
 namespace umbel::bvh {
 
-/// Codes of a chunk, on a device. The emulator of tests/simt has fewer, so that small meshes have
-/// several chunks.
+/// Codes of a chunk, on a device; on a processor a chunk fits into the first cache. The emulator of
+/// tests/simt has fewer, so that small meshes have several chunks.
 #if !defined(UMBEL_CHUNK_CODES)
 #define UMBEL_CHUNK_CODES 512
 #endif
@@ -56,7 +56,7 @@ struct RadixTeams {
     uint16_t lists[2][kCodes];  ///< nodes whose children are done; at last those with one child
     uint32_t ends;              ///< subtrees that are below nodes of no single chunk
     Range at_ends[2];
-    int8_t common[kCodes + 1];  ///< bits of the code i and of that before it; -1: there is none
+    uint8_t common[kCodes + 1];  ///< 1 + bits of the code i and of that before it; 0: it is alone
   };
 
   const uint64_t* codes;
@@ -75,7 +75,7 @@ struct RadixTeams {
     for (uint32_t i = team.rank(); i <= count; i += team.size()) {
       const bool has_both = first + i > 0 && first + i < n;
       shared.common[i] =
-          has_both ? static_cast<int8_t>(common_bits(codes, first + i - 1, first + i)) : int8_t{-1};
+          has_both ? static_cast<uint8_t>(1 + common_bits(codes, first + i - 1, first + i)) : 0;
       if (i == count) continue;
       shared.left[i] = shared.right[i] = {Below::kMissing};
       shared.states[i] = kNobody;
@@ -117,7 +117,7 @@ struct RadixTeams {
   template <typename Team>
   UMBEL_HOST_DEVICE void go_up(const Team& team, const Range& range, uint32_t count, uint32_t round,
                                Shared& shared) const {
-    const int before = shared.common[range.begin], behind = shared.common[range.end + 1];
+    const uint32_t before = shared.common[range.begin], behind = shared.common[range.end + 1];
     const bool is_right = before > behind;
     if (is_right ? range.begin == 0 : range.end + 1 == count) {
       shared.at_ends[team.add(&shared.ends, 1)] = range;
@@ -216,7 +216,7 @@ struct RadixTeams {
 template <typename Exec, typename Sums = NoMergeSums>
 void radix_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitives, const Aabb* boxes,
                   uint32_t n, Merge* merges, Subtree* root, const Sums& sums = {}) {
-  constexpr uint32_t kCodes = Exec::kSerialTeams ? 512 : UMBEL_CHUNK_CODES;
+  constexpr uint32_t kCodes = Exec::kSerialTeams ? 256 : UMBEL_CHUNK_CODES;
   auto met = exec.template allocate<uint64_t>(n);
   exec.for_each(n, [met = met.data()] UMBEL_DEVICE_LAMBDA(size_t i) { met[i] = kNobodyMet; });
   exec.for_each_team(
