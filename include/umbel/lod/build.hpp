@@ -187,7 +187,7 @@ struct DecimationResult {
 /// ends the build; Error with ErrorCode::kCancelled cancels it.
 using Decimator = std::function<bool(const DecimationInput& input, DecimationResult& result)>;
 
-/// Builds the DAG of a valid mesh, which is welded first. Deterministic. Throws kInvalidMesh for a
+/// Builds the DAG of a valid mesh, which is welded first. Deterministic. Throws kUnsupported for a
 /// coordinate beyond 1e18, kInvalidArgument where `decimate` gives what no mesh can have.
 ///
 /// `locked` is one a vertex, or empty. Where it is not 0, everything at the vertex's position stays

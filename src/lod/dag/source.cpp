@@ -71,7 +71,7 @@ Source make_source(const MeshView& input, const BuildOptions& options) {
   const Aabb box = bounds(mesh.view());
   for (float c : {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z})
     if (!mesh.triangles.empty() && std::fabs(c) > kLargestCoordinate)
-      throw Error(ErrorCode::kInvalidMesh, "coordinate " + std::to_string(c) +
+      throw Error(ErrorCode::kUnsupported, "coordinate " + std::to_string(c) +
                                                " is too large: the limit is 1e18 in magnitude");
   if (!mesh.triangles.empty()) source.scale = simplification_scale(box);
 
