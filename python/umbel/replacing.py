@@ -27,9 +27,10 @@ def replacing_together() -> Iterator[Opener]:
 
     @contextlib.contextmanager
     def opened(path: Path) -> Iterator[IO[bytes]]:
+        target = _behind_links(path)
         # Named before it is made, so that an interrupt at any moment leaves nothing.
-        temporary = path.parent / f".{path.name}.{secrets.token_hex(8)}.part"
-        temporaries[str(path)] = str(temporary)
+        temporary = beside(target)
+        temporaries[str(target)] = str(temporary)
         try:
             if path.is_dir():  # which no file can replace
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
@@ -55,6 +56,19 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A binary file to write that takes the name `path` only when all of it is on disk."""
     with replacing_together() as opened, opened(path) as file:
         yield file
+
+
+def beside(path: Path) -> Path:
+    """A new name in the same folder. Names may have 255 bytes; of a long one this has the start."""
+    name = os.fsdecode(os.fsencode(path.name)[:200])
+    return path.parent / f".{name}.{secrets.token_hex(8)}.part"
+
+
+def _behind_links(path: Path) -> Path:
+    """Where the bytes go: through a link, so that it stays one."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise Error(f"{path} is not a regular file")  # renaming onto a device would replace it
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def _rename(temporaries: dict[str, str]) -> None:

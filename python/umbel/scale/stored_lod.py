@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 import shutil
 import tempfile
 import weakref
@@ -17,6 +16,7 @@ from umbel.geometry.mesh import Mesh
 from umbel.geometry.repair import Progress
 from umbel.io.files import replacing
 from umbel.lod.asset import Asset
+from umbel.replacing import beside
 from umbel.scale.build_asset import build_with
 from umbel.scale.storage import as_path, is_address
 
@@ -54,7 +54,7 @@ class StoredLod(Asset):
 
 def _linked(path: Path, target: Path) -> bool:
     """The file under another name as well; False on another disk, or one without links."""
-    link = target.parent / f".{target.name}.{secrets.token_hex(8)}.part"
+    link = beside(target)
     try:
         os.link(path, link)
     except OSError:

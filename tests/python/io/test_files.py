@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+import umbel
 from umbel.io import files
 
 OLD, NEW = b"old", b"new" * 1000
@@ -84,3 +85,28 @@ def test_a_new_file_has_the_usual_permissions(tmp_path: Path) -> None:
     (tmp_path / "usual").write_bytes(b"")
     files.write_all(tmp_path / "a.bin", [NEW])
     assert (tmp_path / "a.bin").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+@pytest.mark.parametrize("name", ["n" * 251 + ".bin", "\u00e9" * 125 + ".bin"])
+def test_names_may_be_as_long_as_the_system_allows(tmp_path: Path, name: str) -> None:
+    files.write_all(tmp_path / name, [NEW])
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_bytes() == NEW
+
+
+def test_a_link_stays_one(tmp_path: Path) -> None:
+    real, link = tmp_path / "real.bin", tmp_path / "link.bin"
+    link.symlink_to(real)
+    for old in (None, OLD):
+        if old:
+            real.write_bytes(old)
+        files.write_all(link, [NEW])
+        assert link.is_symlink() and real.read_bytes() == NEW
+
+
+def test_a_pipe_is_not_replaced(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.bin"
+    os.mkfifo(pipe)
+    with pytest.raises(umbel.Error, match=r"pipe\.bin is not a regular file"):
+        files.write_all(pipe, [NEW])
+    assert pipe.is_fifo()
