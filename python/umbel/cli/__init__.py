@@ -44,6 +44,8 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _stop)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not if it is ignored
         signal.signal(signal.SIGINT, _stop)
+    if sys.stdout is None:  # closed: what is written to it fails, and no file takes its number
+        sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w")
     # Commands end cleanly by themselves; this is for what comes before them, imports above all.
     status = 0
     try:

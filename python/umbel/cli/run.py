@@ -42,7 +42,7 @@ _PATHS = ("source", "path", "inputs", "scenes", "output", "export")
 """Arguments that are files and folders, inputs first."""
 
 
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EBADF)  # EBADF: it is closed
 
 
 def say(sentence: str) -> None:

@@ -234,6 +234,24 @@ def test_nobody_reading_the_output_is_no_crash(blob_asset: Path) -> None:
     assert done.returncode == 1 and "Traceback" not in done.stderr
 
 
+def test_output_that_is_closed_is_one_sentence(blob_asset: Path, tmp_path: Path) -> None:
+    for arguments in (
+        ["info", str(blob_asset)],
+        ["info", str(blob_asset), "--json"],
+        ["--version"],
+        ["extract", str(blob_asset), "-o", str(tmp_path / "coarse.ply"), "--level", "1"],
+    ):
+        done = subprocess.run(
+            ["/bin/sh", "-c", '"$@" >&-', "sh", *COMMAND, *arguments],
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 1 and "Traceback" not in done.stderr
+        assert done.stderr.endswith("cannot write standard output: Bad file descriptor\n")
+    assert (tmp_path / "coarse.ply").stat().st_size > 0
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has /dev/full")
 @pytest.mark.parametrize("buffered", [True, False])
 def test_output_that_cannot_be_written_is_one_sentence(blob_asset: Path, buffered: bool) -> None:
