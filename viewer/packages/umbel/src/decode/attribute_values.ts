@@ -36,37 +36,38 @@ function gridValues(
   return values;
 }
 
-/**
- * Writes the unit vector of two octahedral integers; returns whether it points down.
- * See Meyer et al., "On floating-point normal vectors" (2010).
- */
-function decodeOctahedral(i0: number, i1: number, m: number, out: Float64Array): boolean {
-  let x = i0 / m;
-  let y = i1 / m;
-  const z = 1 - Math.abs(x) - Math.abs(y);
-  if (z < 0) {
-    x += x < 0 ? -z : z;
-    y += y < 0 ? -z : z;
-  }
-  const length = Math.sqrt(x * x + y * y + z * z);
-  out[0] = x / length;
-  out[1] = y / length;
-  out[2] = z / length;
+/** Where a mesh's octahedral normals are among its columns. */
+interface NormalColumn {
+  at: number;
+  bits: number;
+}
+
+/** Whether the integers of an octahedral vector are those of one that points down. */
+function pointsDown(i0: number, i1: number, m: number): boolean {
   return Math.abs(i0) + Math.abs(i1) > m;
 }
 
-const normal = new Float64Array(3);
-
-function normals({ rows, stride, at, count }: Column, bits: number): Float32Array {
+/**
+ * The unit vectors of octahedral integers, before they are rounded to floats.
+ * See Meyer et al., "On floating-point normal vectors" (2010).
+ */
+function unitVectors({ rows, stride, count }: Column, { at, bits }: NormalColumn): Float64Array {
   const m = 2 ** (bits - 1) - 1;
-  const values = new Float32Array(3 * count);
+  const vectors = new Float64Array(3 * count);
   for (let v = 0; v < count; ++v) {
-    decodeOctahedral(rows[v * stride + at], rows[v * stride + at + 1], m, normal);
-    values[3 * v] = normal[0];
-    values[3 * v + 1] = normal[1];
-    values[3 * v + 2] = normal[2];
+    let x = rows[v * stride + at] / m;
+    let y = rows[v * stride + at + 1] / m;
+    const z = 1 - Math.abs(x) - Math.abs(y);
+    if (z < 0) {
+      x += x < 0 ? -z : z;
+      y += y < 0 ? -z : z;
+    }
+    const length = Math.sqrt(x * x + y * y + z * z);
+    vectors[3 * v] = x / length;
+    vectors[3 * v + 1] = y / length;
+    vectors[3 * v + 2] = z / length;
   }
-  return values;
+  return vectors;
 }
 
 /** Cosines and sines of the angles of as many bits, by turns; made when first asked for. */
@@ -93,22 +94,20 @@ function angles(bits: number): Float64Array | undefined {
  * "Building an orthonormal basis, revisited" (2017).
  */
 function tangents(
-  column: Column,
+  { rows, stride, at, count }: Column,
   bits: number,
-  normalAt: number,
-  normalBits: number,
+  normal: NormalColumn,
+  normals: Float64Array,
 ): Float32Array {
-  const { rows, stride, at, count } = column;
-  const m = 2 ** (normalBits - 1) - 1;
+  const m = 2 ** (normal.bits - 1) - 1;
   const table = angles(bits);
   const values = new Float32Array(4 * count);
   for (let v = 0; v < count; ++v) {
     const row = v * stride;
-    const isDown = decodeOctahedral(rows[row + normalAt], rows[row + normalAt + 1], m, normal);
-    const x = normal[0];
-    const y = normal[1];
-    const z = normal[2];
-    const g = isDown ? -1 : 1;
+    const x = normals[3 * v];
+    const y = normals[3 * v + 1];
+    const z = normals[3 * v + 2];
+    const g = pointsDown(rows[row + normal.at], rows[row + normal.at + 1], m) ? -1 : 1;
     const p = -1 / (g + z);
     const q = x * y * p;
     const i0 = rows[row + at];
@@ -163,21 +162,25 @@ export function decodeValues(
   const stride = attributes.reduce((sum, a) => sum + a.components, 0);
   const values: Values = {};
   let at = 0;
-  let normalAt = 0;
-  let normalBits = 2;
+  let normal: NormalColumn = { at: 0, bits: 2 };
+  let units: Float64Array | undefined;
   for (const { name, coding, bits, step, components } of attributes) {
     const column = { rows, stride, at, count };
     if (name === "normals") {
-      normalAt = at;
-      normalBits = bits;
+      normal = { at, bits };
+      units = undefined;
     }
     if (name === undefined) {
       // This attribute is skipped.
     } else if (coding === 0) values[name] = floats(column, WIDTHS[name]);
     else if (coding === 1) values[name] = gridValues(column, WIDTHS[name], step);
-    else if (coding === 2) values[name] = normals(column, bits);
-    else if (coding === 3) values[name] = tangents(column, bits, normalAt, normalBits);
-    else values[name] = colors(column, bits);
+    else if (coding === 2) {
+      units = unitVectors(column, { at, bits });
+      values[name] = new Float32Array(units);
+    } else if (coding === 3) {
+      units ??= unitVectors(column, normal);
+      values[name] = tangents(column, bits, normal, units);
+    } else values[name] = colors(column, bits);
     at += components;
   }
   return values;

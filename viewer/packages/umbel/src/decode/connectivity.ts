@@ -48,23 +48,25 @@ function tableOf(words: readonly (readonly string[])[]): Uint16Array {
 }
 const TABLES = [tableOf(WORDS), tableOf(BORDER_WORDS)] as const;
 
-/** Decodes one cluster after another; keeps its scratch memory between them. */
-export class TriangleDecoder {
-  /** For each vertex of the last cluster the three that predict it: a, b and the opposite one. */
-  readonly predictors = new Uint8Array(3 * MAX_VERTICES);
-  /** Whether it is the last of three new vertices that a region starts with: 0 or 1. */
-  readonly closes = new Uint8Array(MAX_VERTICES);
-  /** The border edges of the last cluster, start and end, in the order of decoding. */
-  readonly border = new Uint8Array(2 * MAX_EDGES);
-  borderEdges = 0;
+// Arrays are scratch memory of the module: engines address those faster than what an object has.
+/** For each vertex of the last cluster the three that predict it: a, b and the opposite one. */
+export const predictors = new Uint8Array(3 * MAX_VERTICES);
+/** Whether it is the last of three new vertices that a region starts with: 0 or 1. */
+export const closes = new Uint8Array(MAX_VERTICES);
+/** The border edges of the last cluster, start and end, in the order of decoding. */
+export const border = new Uint8Array(2 * MAX_EDGES);
 
-  private readonly edgeStart = new Uint8Array(MAX_EDGES);
-  private readonly edgeEnd = new Uint8Array(MAX_EDGES);
-  private readonly edgeOpposite = new Uint8Array(MAX_EDGES);
-  private readonly isActive = new Uint8Array(MAX_EDGES);
-  /** The last active edge that starts, or ends, at each vertex. */
-  private readonly outgoing = new Uint16Array(MAX_VERTICES);
-  private readonly incoming = new Uint16Array(MAX_VERTICES);
+const edgeStart = new Uint8Array(MAX_EDGES);
+const edgeEnd = new Uint8Array(MAX_EDGES);
+const edgeOpposite = new Uint8Array(MAX_EDGES);
+const isActive = new Uint8Array(MAX_EDGES);
+/** The last active edge that starts, or ends, at each vertex. */
+const outgoing = new Uint16Array(MAX_VERTICES);
+const incoming = new Uint16Array(MAX_VERTICES);
+
+/** Decodes one cluster after another. */
+export class TriangleDecoder {
+  borderEdges = 0;
   private edges = 0;
   private vertices = 0;
   private vertexLimit = 0;
@@ -86,13 +88,13 @@ export class TriangleDecoder {
     this.edges = 0;
     this.vertices = 0;
     this.borderEdges = 0;
-    this.outgoing.fill(NO_EDGE);
-    this.incoming.fill(NO_EDGE);
+    outgoing.fill(NO_EDGE);
+    incoming.fill(NO_EDGE);
     let first = 0;
     const end = at + 3 * triangles;
     const table = version > 5 && bits.bit() === 1 ? TABLES[1] : TABLES[0];
     while (at < end) {
-      while (first < this.edges && this.isActive[first] === 0) ++first;
+      while (first < this.edges && isActive[first] === 0) ++first;
       let a: number;
       let b: number;
       let c: number;
@@ -105,8 +107,8 @@ export class TriangleDecoder {
         bits.at += code & 15;
         const apex = (code >> 4) & 7;
         if (apex === NO_TRIANGLE) continue;
-        a = this.edgeStart[edge];
-        b = this.edgeEnd[edge];
+        a = edgeStart[edge];
+        b = edgeEnd[edge];
         c = this.readApex(apex, edge);
         right = (code >> 7) & 1;
         left = code >> 8;
@@ -115,7 +117,7 @@ export class TriangleDecoder {
         a = areNew ? this.addVertexAfterLast() : this.readVertex();
         b = areNew ? this.addVertexAfterLast() : this.readVertex();
         c = areNew ? this.addVertexAfterLast() : this.readVertex();
-        if (areNew) this.closes[c] = 1;
+        if (areNew) closes[c] = 1;
         this.finishEdge(a, b, c, bits.bit());
         right = -1;
         left = -1;
@@ -134,10 +136,10 @@ export class TriangleDecoder {
     if (this.vertices >= this.vertexLimit)
       corrupt("a cluster's triangles have more vertices than it has");
     const vertex = this.vertices++;
-    this.closes[vertex] = 0;
-    this.predictors[3 * vertex] = a;
-    this.predictors[3 * vertex + 1] = b;
-    this.predictors[3 * vertex + 2] = opposite;
+    closes[vertex] = 0;
+    predictors[3 * vertex] = a;
+    predictors[3 * vertex + 1] = b;
+    predictors[3 * vertex + 2] = opposite;
     return vertex;
   }
 
@@ -152,20 +154,20 @@ export class TriangleDecoder {
   }
 
   private readApex(kind: number, edge: number): number {
-    const a = this.edgeStart[edge];
-    const b = this.edgeEnd[edge];
-    if (kind === NEW) return this.addVertex(a, b, this.edgeOpposite[edge]);
+    const a = edgeStart[edge];
+    const b = edgeEnd[edge];
+    if (kind === NEW) return this.addVertex(a, b, edgeOpposite[edge]);
     if (kind === EXPLICIT) return this.bits.below(this.vertices);
-    const other = kind === END_OF_OUTGOING ? this.outgoing[b] : this.incoming[a];
+    const other = kind === END_OF_OUTGOING ? outgoing[b] : incoming[a];
     if (other === NO_EDGE) corrupt("a triangle uses an active edge that is not there");
-    return kind === END_OF_OUTGOING ? this.edgeEnd[other] : this.edgeStart[other];
+    return kind === END_OF_OUTGOING ? edgeEnd[other] : edgeStart[other];
   }
 
   private unlink(edge: number): void {
-    const a = this.edgeStart[edge];
-    const b = this.edgeEnd[edge];
-    if (this.outgoing[a] === edge) this.outgoing[a] = NO_EDGE;
-    if (this.incoming[b] === edge) this.incoming[b] = NO_EDGE;
+    const a = edgeStart[edge];
+    const b = edgeEnd[edge];
+    if (outgoing[a] === edge) outgoing[a] = NO_EDGE;
+    if (incoming[b] === edge) incoming[b] = NO_EDGE;
   }
 
   /**
@@ -173,23 +175,23 @@ export class TriangleDecoder {
    * meets, or becomes an active edge (y, x), or a border edge.
    */
   private finishEdge(x: number, y: number, w: number, becomesActive: number): void {
-    let edge = this.outgoing[x];
-    if (edge === NO_EDGE || this.edgeEnd[edge] !== y) edge = this.incoming[y];
-    if (edge !== NO_EDGE && this.edgeStart[edge] === x) {
-      this.isActive[edge] = 0;
+    let edge = outgoing[x];
+    if (edge === NO_EDGE || edgeEnd[edge] !== y) edge = incoming[y];
+    if (edge !== NO_EDGE && edgeStart[edge] === x) {
+      isActive[edge] = 0;
       this.unlink(edge);
     } else if (becomesActive) {
       const added = this.edges++;
-      this.outgoing[y] = added;
-      this.incoming[x] = added;
-      this.edgeStart[added] = y;
-      this.edgeEnd[added] = x;
-      this.edgeOpposite[added] = w;
-      this.isActive[added] = 1;
+      outgoing[y] = added;
+      incoming[x] = added;
+      edgeStart[added] = y;
+      edgeEnd[added] = x;
+      edgeOpposite[added] = w;
+      isActive[added] = 1;
     } else {
-      const border = this.borderEdges++;
-      this.border[2 * border] = x;
-      this.border[2 * border + 1] = y;
+      const at = 2 * this.borderEdges++;
+      border[at] = x;
+      border[at + 1] = y;
     }
   }
 }

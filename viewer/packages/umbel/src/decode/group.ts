@@ -11,7 +11,7 @@ import {
 import { decodeValues, type Values } from "./attribute_values.js";
 import { BIT_PADDING, BitReader } from "./bit_reader.js";
 import { type ChunkTables, readChunkTables } from "./chunk_tables.js";
-import { TriangleDecoder } from "./connectivity.js";
+import { closes, predictors, TriangleDecoder } from "./connectivity.js";
 import { SharedVertices } from "./shared_vertices.js";
 import { Twins } from "./twins.js";
 import { decodeVertices } from "./vertices.js";
@@ -52,7 +52,6 @@ export interface GroupGeometry {
   values: Values;
 }
 
-/** One for all groups: it keeps its scratch memory. */
 const triangleDecoder = new TriangleDecoder();
 
 /** Reads one group of a page; its data are a chunk of the page. */
@@ -60,6 +59,8 @@ export class GroupReader {
   private readonly chunk: DataView;
   private readonly info: GroupInfo;
   private readonly tables: ChunkTables;
+  /** Components that clusters store. */
+  private readonly stored: number;
 
   constructor(
     private readonly header: FileHeader,
@@ -84,7 +85,9 @@ export class GroupReader {
       references: word(7),
     };
     const tablesAt = REFERENCE_ROW * word(7);
-    this.tables = readChunkTables(this.chunk, tablesAt, counts, header.fixed.major);
+    const { major } = header.fixed;
+    this.tables = readChunkTables(this.chunk, tablesAt, counts, major);
+    this.stored = this.tables.ranges.bits.reduce((n, b) => n + (b > 0 || major === 3 ? 1 : 0), 0);
     this.info = {
       group: mesh.firstGroup + word(1),
       mesh: word(0),
@@ -132,7 +135,7 @@ export class GroupReader {
         3 * firstTriangle,
         first,
       );
-      shared.read(bits, triangleDecoder, first, count);
+      shared.read(bits, triangleDecoder.borderEdges, first, count);
       twins?.read(bits);
       this.readVertices(bits, shared, twins, rows, indices, i);
       begin = tables.ends[i];
@@ -152,7 +155,6 @@ export class GroupReader {
     const { smooth, attributes } = this.mesh;
     const { vertexOffsets, triangleOffsets } = this.info;
     const { ranges } = this.tables;
-    const { predictors, closes } = triangleDecoder;
     const first = vertexOffsets[i];
     const count = vertexOffsets[i + 1] - first;
     if (twins === undefined)
@@ -197,10 +199,9 @@ export class GroupReader {
     const triangles = tables.triangles[i];
     const begin = i > 0 ? tables.ends[i - 1] : tables.dataAt;
     const bits = 8 * (tables.ends[i] - begin);
-    const { major, maxVertices, maxTriangles } = this.header.fixed;
+    const { maxVertices, maxTriangles } = this.header.fixed;
     // A bit for each triangle, and the parameters that precede the vertices.
-    const stored = tables.ranges.bits.reduce((n, b) => n + (b > 0 || major === 3 ? 1 : 0), 0);
-    const minBits = triangles + 5 * stored + 2;
+    const minBits = triangles + 5 * this.stored + 2;
     const isTooLarge = vertices > Math.min(maxVertices, 3 * triangles) || triangles > maxTriangles;
     if (isTooLarge || bits < minBits)
       corrupt(`Cluster ${info.firstCluster + i} is larger than the file says.`);

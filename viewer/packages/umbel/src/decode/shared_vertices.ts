@@ -2,7 +2,7 @@
 // docs/format.md specifies under "What is shared". Vertices are numbered through the group.
 
 import type { BitReader } from "./bit_reader.js";
-import type { TriangleDecoder } from "./connectivity.js";
+import { border as borderOfCluster } from "./connectivity.js";
 
 const NONE = -1;
 
@@ -22,12 +22,13 @@ export class SharedVertices {
     this.previous = new Int32Array(vertices).fill(NONE);
   }
 
-  /** Reads the shared vertices of the cluster whose vertices begin at `first`. */
-  read(bits: BitReader, triangles: TriangleDecoder, first: number, count: number): void {
+  /** Reads the shared vertices of the last cluster: its vertices begin at `first`, and it has so
+   * many border edges. */
+  read(bits: BitReader, borderEdges: number, first: number, count: number): void {
     const { next, previous, border } = this;
-    for (let i = 0; i < triangles.borderEdges; ++i) {
-      const x = first + triangles.border[2 * i];
-      const y = first + triangles.border[2 * i + 1];
+    for (let i = 0; i < borderEdges; ++i) {
+      const x = first + borderOfCluster[2 * i];
+      const y = first + borderOfCluster[2 * i + 1];
       next[x] = y;
       previous[y] = x;
     }

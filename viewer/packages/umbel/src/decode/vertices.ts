@@ -7,8 +7,8 @@ import { corrupt } from "../errors.js";
 import { type Attribute, MAX_COMPONENTS, TEXTURE_COORDINATE } from "../format/attributes.js";
 import type { BitReader } from "./bit_reader.js";
 import type { ComponentRanges } from "./chunk_tables.js";
-import { folded, NormalPredictor } from "./normal_prediction.js";
-import { UvPredictor } from "./uv_prediction.js";
+import { folded, isLower, predictNormals, us, vs } from "./normal_prediction.js";
+import { mapUvs, prediction, predictUv } from "./uv_prediction.js";
 
 /** In place of a parameter: the component's residuals are all zero. */
 export const ALL_ZERO = 31;
@@ -26,8 +26,6 @@ const starts = new Uint8Array(MAX_COMPONENTS);
 /** The vertices of the cluster that are not shared, and how many there are. */
 const own = new Uint8Array(256);
 let owned = 0;
-const normals = new NormalPredictor();
-const uvs = new UvPredictor();
 
 /** A component's value, predicted from those of three vertices. */
 export function predict(
@@ -104,6 +102,11 @@ export function decodeVertices(
   }
 }
 
+function areConstant(ranges: ComponentRanges, at: number, end: number): boolean {
+  for (let i = at; i < end; ++i) if (ranges.bits[i] > 0) return false;
+  return true;
+}
+
 function fillLowest(at: number, end: number, ranges: ComponentRanges, cluster: ClusterRows): void {
   const { rows, stride, first } = cluster;
   for (let i = at; i < end; ++i) {
@@ -147,7 +150,7 @@ function decodeAttribute(
 ): void {
   const { isSmooth } = attribute;
   const end = at + attribute.components;
-  if (ranges.bits.subarray(at, end).every((width) => width === 0)) {
+  if (areConstant(ranges, at, end)) {
     fillLowest(at, end, ranges, cluster);
     return;
   }
@@ -157,11 +160,11 @@ function decodeAttribute(
   const steps = 2 ** (attribute.bits - 1) - 1;
   if (isGeometric) {
     const { rows, stride, first, count, indices, at: from, end: to } = cluster;
-    normals.predict(rows, stride, indices, from, to, first, count, bits.take(4), steps);
+    predictNormals(rows, stride, indices, from, to, first, count, bits.take(4), steps);
   }
   const isMapped = cluster.version > 5 && mayBeMapped(attribute, at, ranges) && bits.bit() === 1;
   const isMirrored = isMapped && bits.bit() === 1;
-  if (isMapped) uvs.map(cluster);
+  if (isMapped) mapUvs(cluster);
   const hasStarts = !isGeometric && bits.bit() === 1;
   const hasKinds = cluster.version > 4 && bits.bit() === 1;
   for (let i = at; i < end; ++i) {
@@ -202,7 +205,6 @@ function decodeGeometric(
   rule: number,
   steps: number,
 ): void {
-  const { u, v, isLower } = normals;
   const code = usual[at];
   const second = usual[at + 1];
   for (let n = 0; n < owned; ++n) {
@@ -213,8 +215,8 @@ function decodeGeometric(
       copyValues(rows, row, same * stride + at, 2);
       continue;
     }
-    const x = (u[vertex] + residual(bits, code)) | 0;
-    const y = (v[vertex] + residual(bits, second)) | 0;
+    const x = (us[vertex] + residual(bits, code)) | 0;
+    const y = (vs[vertex] + residual(bits, second)) | 0;
     rows[row] = isLower[vertex] ? folded(x, y, steps) : x;
     rows[row + 1] = isLower[vertex] ? folded(y, x, steps) : y;
   }
@@ -237,9 +239,9 @@ function decodeMapped(
     else if (v === 0) readFirst(bits, ranges, rows, row, at, at + 2);
     else {
       const codes = predictors[3 * v] === predictors[3 * v + 1] ? starts : usual;
-      uvs.predict(cluster, v, at, isMirrored);
-      rows[row + at] = uvs.u + residual(bits, codes[at]);
-      rows[row + at + 1] = uvs.v + residual(bits, codes[at + 1]);
+      predictUv(cluster, v, at, isMirrored);
+      rows[row + at] = prediction.u + residual(bits, codes[at]);
+      rows[row + at + 1] = prediction.v + residual(bits, codes[at + 1]);
     }
   }
 }

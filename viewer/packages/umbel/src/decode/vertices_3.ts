@@ -13,7 +13,7 @@ const parameters = new Uint8Array(MAX_COMPONENTS);
 /**
  * Writes the rows of a cluster's vertices among those of its group.
  * @param smooth for each component 1 if it is predicted by the mean of two, 0 by a parallelogram
- * @param predictors those of the cluster's TriangleDecoder
+ * @param predictors those of connectivity.ts
  * @param equal for each vertex of the group the earlier one that it is equal to, or -1
  * @param first the cluster's first vertex in the group
  */

@@ -20,10 +20,11 @@ function high(a: number, b: number): number {
   const a1 = a >>> 16;
   const b0 = b & 0xffff;
   const b1 = b >>> 16;
-  // Each partial sum stays below 2^53, so it is exact.
-  const middle = a1 * b0 + ((Math.imul(a0, b0) >>> 16) as number);
-  const sum = a0 * b1 + (middle % 0x10000);
-  return (a1 * b1 + Math.floor(middle / 0x10000) + Math.floor(sum / 0x10000)) | 0;
+  const low = Math.imul(a0, b0);
+  const left = Math.imul(a1, b0);
+  const right = Math.imul(a0, b1);
+  const middle = (low >>> 16) + (left & 0xffff) + (right & 0xffff);
+  return (Math.imul(a1, b1) + (left >>> 16) + (right >>> 16) + (middle >>> 16)) | 0;
 }
 
 /** A 64-bit number that operations change in place. */
