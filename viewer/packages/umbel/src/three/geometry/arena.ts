@@ -6,7 +6,6 @@ import type { RenderGroup } from "../../pack/render_group.js";
 import { Allocator } from "./allocator.js";
 import { clusterEdges } from "./edges.js";
 
-const VERTICES = 1 << 17;
 /** Least and most room for triangles, a vertex: closed surfaces have up to 1.75, boxes 0.5. */
 const TRIANGLES_PER_VERTEX = { low: 0.5, high: 1.75 };
 
@@ -43,18 +42,25 @@ export class Arena {
   /** Bytes of its buffers without the edges, and of those parts of them that groups use. */
   readonly capacity: number;
   used = 0;
+  /** Vertices that it has room for. */
+  readonly room: number;
   private readonly vertexBytes: number;
 
-  /** @param trianglesPerVertex that groups are expected to have */
+  /**
+   * Has room for `room` vertices, or for the first group where that is more.
+   * @param trianglesPerVertex that groups are expected to have
+   */
   constructor(
     readonly layout: VertexLayout,
     first: RenderGroup,
+    room: number,
     trianglesPerVertex: number = TRIANGLES_PER_VERTEX.high,
   ) {
-    const vertices = Math.max(VERTICES, first.positions.length / 3);
+    const vertices = Math.max(room, first.positions.length / 3);
     const { low, high } = TRIANGLES_PER_VERTEX;
     const ratio = Math.min(Math.max(trianglesPerVertex, low), high);
-    const indices = Math.max(3 * Math.ceil(VERTICES * ratio), first.indices.length);
+    const indices = Math.max(3 * Math.ceil(room * ratio), first.indices.length);
+    this.room = vertices;
     this.vertices = new Allocator(vertices);
     this.indices = new Allocator(indices);
     const add = (

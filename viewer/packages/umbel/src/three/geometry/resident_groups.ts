@@ -20,6 +20,9 @@ const MAX_SLOTS = 1 << 22;
 /** Vertices from which the ratio of triangles to vertices is known, and the factor on it. */
 const LEARNED = 1 << 15;
 const ROOM = 1.1;
+/** Vertices of an arena: as many as those of its layout so far, so that few arenas do for large assets
+ * and small ones leave little memory unused. */
+const ARENA = { low: 1 << 14, high: 1 << 17 };
 
 export class ResidentGroups {
   /** The largest finite error of all groups so far. */
@@ -72,9 +75,7 @@ export class ResidentGroups {
     this.onSlots(slot + group.clusterCount);
     let [arena, allocation] = this.allocate(group, slot);
     if (!allocation) {
-      const ratio = (ROOM * this.triangles) / Math.max(this.vertices, 1);
-      const layout = this.layouts[group.mesh] as VertexLayout;
-      arena = this.vertices > LEARNED ? new Arena(layout, group, ratio) : new Arena(layout, group);
+      arena = this.newArena(group);
       this.arenas.add(arena);
       allocation = arena.put(group, slot);
     }
@@ -85,6 +86,15 @@ export class ResidentGroups {
     this.groups.set(group.group, resident);
     for (let i = 0; i < group.clusterCount; ++i)
       this.byCluster.set(group.firstCluster + i, resident);
+  }
+
+  private newArena(group: RenderGroup): Arena {
+    const layout = this.layouts[group.mesh] as VertexLayout;
+    let room = 0;
+    for (const arena of this.arenas) if (isSameLayout(arena.layout, layout)) room += arena.room;
+    room = Math.min(Math.max(room, ARENA.low), ARENA.high);
+    const ratio = (ROOM * this.triangles) / Math.max(this.vertices, 1);
+    return new Arena(layout, group, room, this.vertices > LEARNED ? ratio : undefined);
   }
 
   private allocate(group: RenderGroup, slot: number): [Arena?, Allocation?] {
