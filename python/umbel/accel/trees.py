@@ -11,7 +11,7 @@ from umbel import _umbel
 from umbel.accel.inputs import boxes_from, geometry_of, mesh_from
 from umbel.accel.tree_options import TreeOptions, tree_config
 from umbel.errors import Error
-from umbel.geometry.arrays import as_mesh, thread_count
+from umbel.geometry.arrays import about, as_mesh, thread_count
 from umbel.geometry.repair import Progress
 
 if TYPE_CHECKING:
@@ -99,8 +99,11 @@ def build_bvh2(
     if boxes is not None:
         tree = _umbel.build_bvh2_boxes(boxes, config, progress, thread_count(threads))
         return Bvh2(tree, config, None)
-    mesh = geometry_of(mesh_from(source, triangles))
-    return Bvh2(_umbel.build_bvh2_mesh(mesh, config, progress, thread_count(threads)), config, mesh)
+    mesh = mesh_from(source, triangles)
+    geometry = geometry_of(mesh)
+    with about(mesh):
+        tree = _umbel.build_bvh2_mesh(geometry, config, progress, thread_count(threads))
+    return Bvh2(tree, config, geometry)
 
 
 class KaryTree(_Tree):
@@ -138,8 +141,10 @@ def build_kary(
     count = thread_count(threads)
     if boxes is not None:
         return KaryTree(_umbel.build_kary_boxes(boxes, config, progress, count), config)
-    mesh = geometry_of(mesh_from(source, triangles))
-    return KaryTree(_umbel.build_kary_mesh(mesh, config, progress, count), config)
+    mesh = mesh_from(source, triangles)
+    with about(mesh):
+        tree = _umbel.build_kary_mesh(geometry_of(mesh), config, progress, count)
+    return KaryTree(tree, config)
 
 
 def kmeans_times(
@@ -148,4 +153,6 @@ def kmeans_times(
     """Where the time of the builder kmeans goes, on one thread over a mesh: wall-clock seconds of
     `boxes`, `seeding`, `iterations`, `sizes`, `reordering` and `agglomeration`."""
     config = tree_config("kmeans", options)
-    return _umbel.kmeans_times(geometry_of(as_mesh(source)), config, progress)
+    mesh = as_mesh(source)
+    with about(mesh):
+        return _umbel.kmeans_times(geometry_of(mesh), config, progress)

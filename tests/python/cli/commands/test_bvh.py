@@ -197,6 +197,19 @@ def test_mistakes_are_one_sentence(bvh_command: Run, small_ply: Path, tmp_path: 
     assert dropped["triangles"] == 320 and dropped["references"] < 320
 
 
+@pytest.mark.parametrize(
+    "flags", [["--drop-invalid"], ["--drop-invalid", "--builder", "kmeans", "--kary"]]
+)
+def test_a_vertex_that_is_not_there_is_named_as_written(
+    bvh_command: Run, tmp_path: Path, flags: list[str]
+) -> None:
+    bad = tmp_path / "bad.obj"
+    bad.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 9\n", encoding="utf-8")
+    done = bvh_command(bad, *flags)
+    assert (done.status, done.out) == (1, "")
+    assert f"{bad}, line 5: vertex index 9 is beyond the 3 there are;" in done.err
+
+
 def test_usage_is_status_two(bvh_command: Run, small_ply: Path) -> None:
     for arguments in (
         [],

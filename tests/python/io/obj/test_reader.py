@@ -15,6 +15,7 @@ from helpers.mesh_files import corners
 from helpers.meshes import linear
 from helpers.refusals import refused
 from umbel import Bvh, KdTree, TwoLevelGrid, build_lod, cluster_mesh, validate
+from umbel.bvh import build_bvh2, build_kary, kmeans_times
 from umbel.errors import Error, LoadWarning
 from umbel.io import load
 from umbel.io.blocks import open_source
@@ -296,7 +297,9 @@ def test_maps_of_a_library_have_their_options(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "use", [Bvh, KdTree, TwoLevelGrid, cluster_mesh], ids=lambda use: use.__name__
+    "use",
+    [Bvh, KdTree, TwoLevelGrid, cluster_mesh, build_bvh2, build_kary, kmeans_times],
+    ids=lambda use: use.__name__,
 )
 def test_whatever_refuses_a_mesh_names_its_file(tmp_path: Path, use: Any) -> None:
     mesh = read(tmp_path, SQUARE + "f 1 2 3\nf 1 2 9\n")
