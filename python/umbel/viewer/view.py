@@ -68,27 +68,50 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
         raise Error(f"{target} is there already and is not an empty folder")
     if not target.absolute().parent.is_dir():
         raise Error(f"{target}: there is no folder {target.absolute().parent}")
-    with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
-        whole = Path(made) / "viewer"
-        shutil.copytree(page, whole)
-        shutil.copyfile(asset, whole / served_name(asset))
-        images = images_beside(asset)
-        for name, image in images.items():
-            copy = beside(whole, name)
-            if copy is not None and not copy.exists():
-                copy.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(image, copy)
-        index = whole / "index.html"
-        text = index.read_text(encoding="utf-8")
-        named = f'<body data-asset="{html.escape(address_of(asset))}">'
-        index.write_text(text.replace("<body>", named), encoding="utf-8")
-        if target.exists():
-            target.rmdir()
-        whole.rename(target)
+    images = images_beside(asset)
+    try:
+        with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
+            whole = Path(made) / "viewer"
+            _write(whole, page, asset, images)
+            if target.exists():
+                target.rmdir()
+            whole.rename(target)
+    except OSError as error:
+        raise Error(f"cannot write {target}: {error.strerror or error}") from None
     missing = [name for name in dict.fromkeys(images_named(asset)) if name not in images]
     if missing:
         warn_lost(f"{target} was written without images that are not beside the asset", missing)
     return target / "index.html"
+
+
+def _write(folder: Path, page: Path, asset: Path, images: dict[str, Path]) -> None:
+    """The page, the asset and its images, in a folder that is not there yet."""
+    for file in page.rglob("*"):
+        if file.is_file():
+            _copy(file, folder / file.relative_to(page))
+    _copy(asset, folder / served_name(asset))
+    for name, image in images.items():
+        copy = beside(folder, name)
+        if copy is not None and not copy.exists():
+            _copy(image, copy)
+    index = folder / "index.html"
+    named = f'<body data-asset="{html.escape(address_of(asset))}">'
+    text = index.read_text(encoding="utf-8").replace("<body>", named)
+    index.write_text(text, encoding="utf-8")
+
+
+def _copy(source: Path, target: Path) -> None:
+    """Copies a file, and waits until it is on disk: some disks say only then that they are full."""
+    try:
+        file = source.open("rb")
+    except OSError as error:
+        raise Error(f"cannot read {source}: {error.strerror or error}") from None
+    with file:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with target.open("wb") as out:
+            shutil.copyfileobj(file, out, 1 << 20)
+            out.flush()
+            os.fsync(out.fileno())
 
 
 def checked(path: str | os.PathLike[str]) -> Path:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
 import http.client
 import json
+import os
 import re
 import signal
 import socket
@@ -217,6 +219,24 @@ def test_export_writes_a_folder_that_names_its_asset(asset: Path, tmp_path: Path
     assert list((index.parent / "assets").glob("*.js"))
     with pytest.raises(umbel.Error, match="not an empty folder"):
         umbel.export_viewer(asset, tmp_path / "site")
+
+
+def test_a_disk_that_is_full_leaves_no_folder(
+    asset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = 3
+
+    def full(_: int) -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(umbel.Error) as caught:
+        umbel.export_viewer(asset, tmp_path / "site")
+    assert str(caught.value) == f"cannot write {tmp_path / 'site'}: No space left on device"
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["a #1", "100%", "why?", "a%20b"])
