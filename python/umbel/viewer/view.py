@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import os
+import shlex
 import shutil
 import tempfile
 import webbrowser
@@ -82,6 +83,11 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
     if missing:
         warn_lost(f"{target} was written without images that are not beside the asset", missing)
     return target / "index.html"
+
+
+def serving_command(folder: Path) -> str:
+    """What shows an exported folder on this machine: browsers do not load its page from files."""
+    return f"python3 -m http.server --bind 127.0.0.1 --directory {shlex.quote(str(folder))}"
 
 
 def _write(folder: Path, page: Path, asset: Path, images: dict[str, Path]) -> None:

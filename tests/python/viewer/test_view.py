@@ -8,9 +8,11 @@ import http.client
 import json
 import os
 import re
+import shlex
 import signal
 import socket
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import parse_qs, unquote, urljoin, urlsplit
@@ -219,6 +221,34 @@ def test_export_writes_a_folder_that_names_its_asset(asset: Path, tmp_path: Path
     assert list((index.parent / "assets").glob("*.js"))
     with pytest.raises(umbel.Error, match="not an empty folder"):
         umbel.export_viewer(asset, tmp_path / "site")
+
+
+@pytest.mark.parametrize("command", [["view", "--export"], ["export", "--format", "viewer", "-o"]])
+def test_commands_say_how_an_exported_folder_is_served(
+    umbel_command: Umbel, asset: Path, tmp_path: Path, command: list[str]
+) -> None:
+    site = tmp_path / "my site"
+    said = umbel_command(command[0], asset, *command[1:], site, "--json").json
+    assert said["index"] == str(site / "index.html") and "url" not in said
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    program, *arguments = shlex.split(said["serve"])
+    assert program == "python3"
+    with subprocess.Popen(
+        [sys.executable, "-u", *arguments, str(port)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            process.stdout.read(1)  # it says that it serves
+            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+            connection.request("GET", "/")
+            assert connection.getresponse().read() == (site / "index.html").read_bytes()
+            connection.close()
+        finally:
+            process.kill()
 
 
 def test_a_disk_that_is_full_leaves_no_folder(

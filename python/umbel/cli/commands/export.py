@@ -96,11 +96,16 @@ def _glb(path: str, output: Path, flatten: bool, bar: Bar) -> dict[str, Any]:
 
 
 def _viewer(path: str, output: Path) -> dict[str, Any]:
-    from umbel.viewer.view import export_viewer
+    from umbel.viewer.view import export_viewer, serving_command
 
     if "://" in path:
         fail(f"{path}: the viewer shows files on this machine; download the asset first")
     index = export_viewer(path, output)
     files = [file for file in output.rglob("*") if file.is_file()]
     size = sum(file.stat().st_size for file in files)
-    return {"files": len(files), "bytes": size, "url": index.absolute().as_uri()}
+    return {
+        "files": len(files),
+        "bytes": size,
+        "index": str(index),
+        "serve": serving_command(output),
+    }

@@ -28,15 +28,15 @@ def command(
     """Show an asset in the browser, until Ctrl-C; or write the page and it to a folder.
 
     The page and the asset are served to this machine only."""
-    from umbel.viewer.view import export_viewer, view
+    from umbel.viewer.view import export_viewer, serving_command, view
 
     if "://" in path:
         fail(f"{path}: the viewer shows files on this machine; download the asset first")
     if export is not None:
         check_folder(export.absolute().parent, f"{export}: ")
         index = export_viewer(path, export)
-        result = {"input": path, "output": str(export), "url": index.absolute().as_uri()}
-        show(result | {"folder": str(export)}, as_json, path)
+        result = {"input": path, "output": str(export), "folder": str(export)}
+        show(result | {"index": str(index), "serve": serving_command(export)}, as_json, path)
         return
     try:
         shown = view(path, port=port)
