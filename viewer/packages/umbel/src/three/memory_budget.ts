@@ -16,6 +16,8 @@ const SLACK_STEP = 1 / 64;
 export class MemoryBudget {
   private textureBytes = 0;
   private slack = 0;
+  /** What geometry may take, in bytes. */
+  geometry = 0;
 
   constructor(
     private readonly stream: AssetStream,
@@ -46,6 +48,7 @@ export class MemoryBudget {
   private split(): void {
     this.textureBytes = this.textures.statistics.bytes;
     const rest = (1 - TABLE_SHARE) * this.bytes - this.textureBytes - this.slack;
-    this.stream.setBudget(Math.max(rest, MIN_GEOMETRY_SHARE * this.bytes));
+    this.geometry = Math.max(rest, MIN_GEOMETRY_SHARE * this.bytes);
+    this.stream.setBudget(this.geometry);
   }
 }

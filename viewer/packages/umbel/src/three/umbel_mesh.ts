@@ -115,6 +115,7 @@ export class UmbelMesh extends Object3D {
     this.budget = new MemoryBudget(stream, this.materials.textures, stream.budget);
     this.residents = new ResidentGroups(
       stream.info.meshes,
+      () => this.budget.geometry,
       (slots) => this.tint.reserve(slots),
       (arena) => {
         for (const instance of this.instances) instance.removeArena(arena);

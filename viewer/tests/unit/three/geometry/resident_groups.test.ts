@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 import type { RenderGroup } from "../../../../packages/umbel/src/pack/render_group.js";
 import type { MeshInfo } from "../../../../packages/umbel/src/stream/asset_info.js";
+import type { Arena } from "../../../../packages/umbel/src/three/geometry/arena.js";
 import { ResidentGroups } from "../../../../packages/umbel/src/three/geometry/resident_groups.js";
 
 const MESH: MeshInfo = { low: [0, 0, 0], high: [1, 1, 1], levels: 1, attributes: [], skipped: [] };
@@ -21,31 +22,45 @@ function groupOf(group: number, vertices: number): RenderGroup {
   } as unknown as RenderGroup;
 }
 
-function arenasOf(groups: ResidentGroups, count: number): Set<{ capacity: number; room: number }> {
-  return new Set(Array.from({ length: count }, (_, i) => groups.get(i)?.arena as never));
-}
-
-test("a small asset takes little memory, and a large one few arenas", () => {
-  const groups = new ResidentGroups(
-    [MESH],
+function residentsOf(budget: number, meshes = [MESH]): ResidentGroups {
+  return new ResidentGroups(
+    meshes,
+    () => budget,
     () => {},
     () => {},
   );
+}
+
+function arenaOf(groups: ResidentGroups, group: number): Arena {
+  return groups.get(group)?.arena as Arena;
+}
+
+test("buffers are no larger than the budget, and large enough for few of them", () => {
+  for (const budget of [1 << 20, 1 << 22, 1 << 30]) {
+    const groups = residentsOf(budget);
+    groups.add(groupOf(0, 100));
+    const { capacity, room } = arenaOf(groups, 0);
+    expect(capacity).toBeLessThanOrEqual(budget);
+    expect(capacity).toBeGreaterThan(Math.min(budget / 2, 1 << 22));
+    expect(room).toBeLessThanOrEqual(1 << 17);
+  }
+  const groups = residentsOf(1 << 30);
+  for (let i = 0; i < 512; ++i) groups.add(groupOf(i, 1000));
+  const arenas = new Set(Array.from({ length: 512 }, (_, i) => arenaOf(groups, i)));
+  expect(arenas.size).toBeLessThanOrEqual(Math.ceil(512 / 131) + 1);
+});
+
+test("layouts share the budget", () => {
+  const budget = 1 << 22;
+  const groups = residentsOf(budget, [MESH, { ...MESH, attributes: ["normals", "uvs"] }]);
   groups.add(groupOf(0, 100));
-  const [first] = arenasOf(groups, 1);
-  expect(first?.capacity).toBeLessThan(1 << 20);
-  for (let i = 1; i < 512; ++i) groups.add(groupOf(i, 1000));
-  const rooms = [...arenasOf(groups, 512)].map(({ room }) => room);
-  expect(rooms.slice(0, 4)).toEqual([1 << 14, 1 << 14, 1 << 15, 1 << 16]);
-  expect(rooms.length).toBeLessThanOrEqual(4 + Math.ceil(512000 / (1 << 17)));
+  groups.add({ ...groupOf(1, 100), mesh: 1 });
+  expect(arenaOf(groups, 0)).not.toBe(arenaOf(groups, 1));
+  expect(arenaOf(groups, 0).capacity + arenaOf(groups, 1).capacity).toBeLessThanOrEqual(budget);
 });
 
 test("a group that is larger than an arena has one of its own", () => {
-  const groups = new ResidentGroups(
-    [MESH],
-    () => {},
-    () => {},
-  );
-  groups.add(groupOf(0, 20000));
-  expect(groups.get(0)?.arena.room).toBe(20000);
+  const groups = residentsOf(1 << 20);
+  groups.add(groupOf(0, 200000));
+  expect(arenaOf(groups, 0).room).toBe(200000);
 });

@@ -18,6 +18,12 @@ export interface VertexLayout {
   colors: boolean;
 }
 
+/** Bytes of an arena for each of its vertices, triangles included, where there are most of those. */
+export function mostBytesPerVertex({ normals, tangents, uvs, colors }: VertexLayout): number {
+  const eights = [normals, tangents, ...uvs, colors].filter((has) => has).length;
+  return 16 + 8 * eights + 12 * TRIANGLES_PER_VERTEX.high;
+}
+
 /** Where an arena holds a group. */
 export interface Allocation {
   vertex: number;

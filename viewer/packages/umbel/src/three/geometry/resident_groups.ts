@@ -6,7 +6,7 @@ import type { RenderGroup } from "../../pack/render_group.js";
 import type { MeshInfo } from "../../stream/asset_info.js";
 import { boxOf } from "../cluster_info.js";
 import { Allocator } from "./allocator.js";
-import { type Allocation, Arena, type VertexLayout } from "./arena.js";
+import { type Allocation, Arena, mostBytesPerVertex, type VertexLayout } from "./arena.js";
 
 /** A group in GPU memory. */
 export interface ResidentGroup {
@@ -20,9 +20,8 @@ const MAX_SLOTS = 1 << 22;
 /** Vertices from which the ratio of triangles to vertices is known, and the factor on it. */
 const LEARNED = 1 << 15;
 const ROOM = 1.1;
-/** Vertices of an arena: as many as those of its layout so far, so that few arenas do for large assets
- * and small ones leave little memory unused. */
-const ARENA = { low: 1 << 14, high: 1 << 17 };
+/** Least and most vertices of an arena. */
+const VERTICES = { low: 1 << 14, high: 1 << 17 };
 
 export class ResidentGroups {
   /** The largest finite error of all groups so far. */
@@ -38,11 +37,13 @@ export class ResidentGroups {
   private triangles = 0;
 
   /**
+   * @param budget of geometry, in bytes
    * @param onSlots is called with the number of slots in use, at most
    * @param onArenaRemoved is called before an arena is freed
    */
   constructor(
     meshes: readonly MeshInfo[],
+    private readonly budget: () => number,
     private readonly onSlots: (count: number) => void,
     private readonly onArenaRemoved: (arena: Arena) => void,
   ) {
@@ -88,11 +89,14 @@ export class ResidentGroups {
       this.byCluster.set(group.firstCluster + i, resident);
   }
 
+  /** Arenas of all layouts together are no larger than the budget, where groups allow it. */
   private newArena(group: RenderGroup): Arena {
     const layout = this.layouts[group.mesh] as VertexLayout;
-    let room = 0;
-    for (const arena of this.arenas) if (isSameLayout(arena.layout, layout)) room += arena.room;
-    room = Math.min(Math.max(room, ARENA.low), ARENA.high);
+    const different = this.layouts.filter(
+      (other, i) => this.layouts.findIndex((first) => isSameLayout(first, other)) === i,
+    );
+    const vertices = Math.floor(this.budget() / different.length / mostBytesPerVertex(layout));
+    const room = Math.min(Math.max(vertices, VERTICES.low), VERTICES.high);
     const ratio = (ROOM * this.triangles) / Math.max(this.vertices, 1);
     return new Arena(layout, group, room, this.vertices > LEARNED ? ratio : undefined);
   }
