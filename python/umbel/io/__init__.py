@@ -94,7 +94,7 @@ def save(path: str | os.PathLike[str], mesh: object) -> None:
     extras. What the other formats cannot hold is one `umbel.LoadWarning`. The file is written
     under another name and renamed when whole, together with the .bin of a .gltf or the .mtl and
     images of an .obj, so a failure leaves nothing new. Of the files beside it only those are
-    replaced that an older file at `path` names; others keep their names, and ours get a number.
+    replaced that Umbel wrote with an older file at `path`; others stay, and ours get a number.
     Raises `umbel.Error` if the folder cannot be written, the disk is full or the extension is
     unknown. Positions, normals and UVs come back to the bit.
     """

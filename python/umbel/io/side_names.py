@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 
-from umbel.io.references import named_files
-
 
 class SideNames:
-    """Names of files beside `path`, which is about to be written: those that the file there now
-    names are replaced, others are not, unless they hold the same. `taken` are not given either."""
+    """Names of files beside `path`, which is about to be written: those that we wrote with the file
+    there now, as `written_with` says, are replaced; others are not, unless they hold the same.
+    `taken` are not given either.
 
-    def __init__(self, path: Path, taken: Iterable[str] = ()) -> None:
-        self._path, self._taken = path, set(taken)
+    `ours` are those given that were not there, or were ours before."""
+
+    def __init__(
+        self, path: Path, written_with: Callable[[Path], set[str]], taken: Iterable[str] = ()
+    ) -> None:
+        self._path, self._written_with, self._taken = path, written_with, set(taken)
+        self.ours: list[str] = []
 
     @cached_property
     def _replaced(self) -> set[str]:
-        return named_files(self._path)
+        return self._written_with(self._path)
 
     def new(self, stem: str, suffix: str, chunks: Sequence[bytes]) -> str:
         """A name for a file of these bytes, with a number where `stem` is another's."""
@@ -28,6 +32,8 @@ class SideNames:
             number += 1
             name = f"{stem}_{number}{suffix}"
         self._taken.add(name)
+        if not os.path.lexists(self._path.with_name(name)) or name in self._replaced:
+            self.ours.append(name)
         return name
 
     def _is_free(self, name: str, chunks: Sequence[bytes]) -> bool:

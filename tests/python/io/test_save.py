@@ -238,7 +238,8 @@ def test_files_beside_are_found_again_where_the_main_one_is_gone(
     before = contents(tmp_path)
     path.unlink()
     save(path, painted(b"one"))
-    assert contents(tmp_path) == before
+    assert contents(tmp_path).keys() == before.keys()
+    assert images_of(path) == [PNG + b"one"]
 
 
 def test_an_image_that_stays_is_not_replaced_by_another(tmp_path: Path) -> None:
@@ -250,6 +251,37 @@ def test_an_image_that_stays_is_not_replaced_by_another(tmp_path: Path) -> None:
         assert sorted(contents(tmp_path)) == [
             "a.mtl", "a.obj", "a_base_color.png", "a_base_color_1.png"
         ]  # fmt: skip
+
+
+@pytest.mark.parametrize("extension", SEVERAL)
+def test_files_that_another_program_wrote_are_not_replaced(tmp_path: Path, extension: str) -> None:
+    path = tmp_path / f"a{extension}"
+    save(path, painted(b"theirs"))
+    path.write_bytes(path.read_bytes().replace(b"umbel", b"other"))
+    beside = contents(tmp_path)
+    del beside[path.name]
+    save(path, painted(b"ours"))
+    assert images_of(path) == [PNG + b"ours"]
+    assert beside.items() <= contents(tmp_path).items()
+
+
+def test_an_image_that_an_older_file_only_names_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a_base_color.png"
+    path.write_bytes(PNG + b"mine")
+    save(tmp_path / "a.obj", painted(path))
+    for image in (b"mine", b"other"):  # the first is the same file, by chance
+        save(tmp_path / "a.obj", painted(image))
+        assert images_of(tmp_path / "a.obj") == [PNG + image]
+        assert path.read_bytes() == PNG + b"mine"
+
+
+def test_an_image_that_stays_is_known_however_the_output_is_named(tmp_path: Path) -> None:
+    (tmp_path / "below").mkdir()
+    save(tmp_path / "a.obj", painted(b"old"))
+    path = tmp_path / "a_base_color.png"
+    save(tmp_path / "below" / ".." / "a.obj", painted(b"new", path))
+    assert images_of(tmp_path / "a.obj") == [PNG + b"new", PNG + b"old"]
+    assert path.read_bytes() == PNG + b"old"
 
 
 def test_an_image_that_is_gone_is_a_warning_and_no_map(tmp_path: Path) -> None:

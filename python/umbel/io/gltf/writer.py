@@ -3,6 +3,7 @@ that they are from, with their materials, images, skin, cameras and lights."""
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import json
 import urllib.parse
@@ -19,11 +20,13 @@ from umbel.io.gltf.materials import extensions_in
 from umbel.io.gltf.primitives import write_primitives
 from umbel.io.gltf.skins import Skin, common_root, has_joints
 from umbel.io.gltf.tree import check_tree, known_packets, worlds
+from umbel.io.references import named_files
 from umbel.io.scene import Instance, Scene
 from umbel.io.side_names import SideNames
 from umbel.plain_json import plain
 
 _MOST_BYTES = 0xFFFFFFFF
+_GENERATOR = "umbel"
 
 
 def write_gltf(path: Path, scene: Scene) -> None:
@@ -67,7 +70,7 @@ class _Writer:
                 self._place(instance)
         tree = self.scene.tree
         root: Json = {
-            "asset": {**tree.get("asset", {}), "version": "2.0", "generator": "umbel"},
+            "asset": {**tree.get("asset", {}), "version": "2.0", "generator": _GENERATOR},
             "scene": 0,
             "scenes": [self._scene()],
             "nodes": self.nodes,
@@ -174,10 +177,18 @@ def _glb(path: Path, root: Json, arrays: Arrays) -> list[bytes]:
     return out
 
 
+def _written_with(path: Path) -> set[str]:
+    """The buffers that were written with a glTF file, where it is ours."""
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
+        if json.loads(path.read_bytes())["asset"]["generator"] == _GENERATOR:
+            return named_files(path)
+    return set()
+
+
 def _write_apart(path: Path, root: Json, arrays: Arrays) -> None:
     with replacing_together() as opened:
         if arrays.size:
-            name = SideNames(path).new(path.stem, ".bin", arrays.chunks)
+            name = SideNames(path, _written_with).new(path.stem, ".bin", arrays.chunks)
             uri = urllib.parse.quote(name, errors="surrogateescape")
             root["buffers"] = [{"byteLength": arrays.size, "uri": uri}]
             with opened(path.with_name(name)) as file:

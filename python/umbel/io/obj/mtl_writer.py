@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,8 @@ _SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
 _WRAPS = (("repeat", "repeat"), ("clamp", "clamp"))
 _COAT, _IOR = "KHR_materials_clearcoat", "KHR_materials_ior"
 _COAT_FACTORS = {"clearcoatFactor": "Pc", "clearcoatRoughnessFactor": "Pcr"}
+_HEAD, _WITH = b"# written by umbel\n", b"# with "
+_LONGEST = 1024  # more than a line of the head has
 
 
 def readable(name: str) -> str:
@@ -38,16 +43,32 @@ def encoded(text: str) -> bytes:
     return text.encode("utf-8", "surrogateescape")
 
 
+def head(ours: Iterable[str]) -> bytes:
+    """The first lines of an OBJ file, which say what files were written with it."""
+    return b"".join([_HEAD, *(_WITH + encoded(f"{name}\n") for name in ours)])
+
+
+def written_with(path: Path) -> set[str]:
+    """The files that were written with an OBJ file, where it is ours."""
+    found: set[str] = set()
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        is_ours = file.readline(len(_HEAD)) == _HEAD
+        while is_ours and (line := file.readline(_LONGEST)).startswith(_WITH):
+            found.add(os.fsdecode(line.removeprefix(_WITH).rstrip(b"\n")))
+    return found
+
+
 class MtlWriter:
     """A library beside an OBJ file `path`, and its images.
 
-    `files` are all of them by their names, `name` is the library's, `lost` says what it cannot
-    hold. Where `flips`, the v of texture coordinates count from the image's top, and must be turned
-    round for OBJ, which counts from the bottom.
+    `files` are all of them by their names, `ours` those that may be replaced when the OBJ file is,
+    `name` is the library's, `lost` says what it cannot hold. Where `flips`, the v of texture
+    coordinates count from the image's top, and must be turned round for OBJ, which counts from the
+    bottom.
     """
 
     def __init__(self, path: Path, materials: list[Material]) -> None:
-        self.folder, self.stem = path.absolute().parent, readable(path.stem)
+        self.folder, self.stem = os.path.realpath(path.parent), readable(path.stem)
         self.names = unique_names(materials)
         self.files: dict[str, bytes] = {}
         self.name = ""
@@ -55,13 +76,14 @@ class MtlWriter:
         images = [image for material in materials for image in material.images.values()]
         self.flips = bool(images) and not any(image.bottom_up for image in images)
         beside = [self._name_beside(image) for image in images]
-        self._side_names = SideNames(path, filter(None, beside))
+        self._side_names = SideNames(path, written_with, filter(None, beside))
         self._named: dict[bytes, str] = {}
         written = [self._material(*one) for one in zip(materials, self.names, strict=True)]
         if written:
             text = encoded("\n".join(written))
             self.name = self._side_names.new(self.stem, ".mtl", [text])
             self.files[self.name] = text
+        self.ours = self._side_names.ours
 
     def _material(self, material: Material, name: str) -> str:
         r, g, b, a = material.base_color
@@ -152,7 +174,7 @@ class MtlWriter:
     def _name_beside(self, image: TextureImage) -> str:
         """That of the image's own file, where the library can name it."""
         path = image.path
-        if path is None or path.absolute().parent != self.folder or not path.is_file():
+        if path is None or not path.is_file() or os.path.realpath(path.parent) != self.folder:
             return ""
         return path.name if readable(path.name) == path.name else ""
 

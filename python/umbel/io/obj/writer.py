@@ -14,7 +14,7 @@ from umbel.geometry.mesh import Mesh
 from umbel.io.colors import to_srgb
 from umbel.io.files import replacing_together
 from umbel.io.format_losses import attribute_losses, copyright_line
-from umbel.io.obj.mtl_writer import MtlWriter, encoded
+from umbel.io.obj.mtl_writer import MtlWriter, encoded, head
 
 _CHUNK = 1 << 16  # rows formatted at once
 
@@ -39,7 +39,7 @@ def _write(file: IO[bytes], mesh: Mesh, library: MtlWriter) -> None:
     names, uvs = library.names, mesh.uvs
     if uvs is not None and library.flips:
         uvs = np.stack([uvs[:, 0], np.float32(1) - uvs[:, 1]], axis=1)
-    file.write(b"# written by umbel\n")
+    file.write(head(library.ours))
     if not len(mesh.triangles):
         file.write(b"# no faces\n")  # or readers would take the file for one that is cut short
     if copyright_line(mesh):
