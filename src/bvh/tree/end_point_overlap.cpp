@@ -12,6 +12,7 @@
 #include <numeric>
 
 #include "base/parallel.hpp"
+#include "base/shared_progress.hpp"
 #include "query/triangle_geometry.hpp"
 #include "umbel/bvh.hpp"
 
@@ -19,6 +20,11 @@ namespace umbel::bvh {
 namespace {
 
 constexpr size_t kChunk = 256;
+
+// Visits of one thread between two reports.
+constexpr size_t kUnreportedVisits = 1 << 16;
+
+constexpr const char* kStage = "end-point overlap";
 
 // Visits from which on there is no more than an estimate, in all and a triangle; meshes that are
 // meant to be traced need some 40 a triangle. Of so many triangles the need is estimated.
@@ -233,12 +239,22 @@ class Descent {
 
 // The areas of every `stride`-th triangle. The parts are numbered by position, so that the sum does
 // not depend on the threads.
-Descent::Areas sum_of(const Descent& descent, const Homes& homes, size_t stride) {
+Descent::Areas sum_of(const Descent& descent, const Homes& homes, size_t stride, double progress_to,
+                      Progress& progress) {
   const size_t count = (homes.triangles.size() + stride - 1) / stride;
   std::vector<Descent::Areas> sums((count + kChunk - 1) / kChunk);
+  SharedProgress shared(progress, kStage, 0, progress_to, count, SharedProgress::OnCancel::kThrow);
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
     Descent own = descent;
-    for (size_t i = begin; i < end; ++i) sums[begin / kChunk].add(own(homes.triangles[i * stride]));
+    Descent::Areas& sum = sums[begin / kChunk];
+    size_t reported = begin, visits = 0;
+    for (size_t i = begin; i < end; ++i) {
+      sum.add(own(homes.triangles[i * stride]));
+      if (sum.visits < visits + kUnreportedVisits && i + 1 < end) continue;
+      shared.add(i + 1 - reported);
+      reported = i + 1;
+      visits = sum.visits;
+    }
   });
   Descent::Areas sum;
   for (const Descent::Areas& part : sums) sum.add(part);
@@ -246,10 +262,10 @@ Descent::Areas sum_of(const Descent& descent, const Homes& homes, size_t stride)
 }
 
 // 1, or how many triangles each one that is measured stands for.
-size_t stride_for(const Descent& descent, const Homes& homes) {
+size_t stride_for(const Descent& descent, const Homes& homes, Progress& progress) {
   const size_t count = homes.triangles.size();
   const size_t trial = std::max<size_t>(1, count / kTrial);
-  const double visits = double(sum_of(descent, homes, trial).visits) * double(trial);
+  const double visits = double(sum_of(descent, homes, trial, 0, progress).visits) * double(trial);
   return static_cast<size_t>(
       std::ceil(visits / std::max(kMaxVisits, kMaxMeanVisits * double(count))));
 }
@@ -261,12 +277,16 @@ double end_point_overlap(const Bvh2& tree, const MeshView& mesh, const CostModel
   check_references(tree, mesh);
   if (tree.nodes.empty()) return 0;
   Descent::Areas sum;
+  Progress progress(options);
+  progress.report(0, kStage);
   with_threads(options.threads, [&] {
     const Order order = depth_first_order(tree);
     const Homes homes = homes_of(tree, order, mesh.triangles.size());
     const Descent descent(tree, mesh, cost, order, homes);
-    sum = sum_of(descent, homes, std::max<size_t>(1, stride_for(descent, homes)));
+    const size_t stride = std::max<size_t>(1, stride_for(descent, homes, progress));
+    sum = sum_of(descent, homes, stride, 1, progress);
   });
+  progress.report(1, kStage);
   return sum.own > 0 ? sum.overlap / sum.own : 0;
 }
 

@@ -7,6 +7,7 @@
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "base/progress.hpp"
 #include "bvh/tree/check.hpp"
 #include "bvh/tree/config.hpp"
 #include "bvh/wide/widen.hpp"
@@ -81,6 +82,8 @@ Bvh Bvh::widen(const bvh::Bvh2& tree, const MeshView& mesh, const BvhConfig& con
   check_config(config);
   check_masks(masks, mesh.triangles.size());
   bvh::check_structure(tree, static_cast<uint32_t>(mesh.triangles.size()));
+  Progress progress(options);
+  progress.report(0, "widening");
   check_presence(tree.primitives, mesh, config.tree.invalid);
   const bvh::Bvh2* source = &tree;
   bvh::Bvh2 shallow;
@@ -92,6 +95,7 @@ Bvh Bvh::widen(const bvh::Bvh2& tree, const MeshView& mesh, const BvhConfig& con
   Bvh result;
   static_cast<BvhData&>(result.data()) =
       make_data(*source, mesh, config, {config.width, config.compact}, masks, options.threads);
+  progress.report(1, "widening");
   return result;
 }
 
@@ -102,6 +106,8 @@ Bvh Bvh::widen(const bvh::KaryTree& tree, const MeshView& mesh, const BvhConfig&
   bvh::check(tree, static_cast<uint32_t>(mesh.triangles.size()));
   check_presence(tree.primitives, mesh, config.tree.invalid);
   check_triangles(mesh, tree.primitives);
+  Progress progress(options);
+  progress.report(0, "widening");
   Bvh result;
   BvhData& data = result.data();
   with_threads(options.threads,
@@ -109,6 +115,7 @@ Bvh Bvh::widen(const bvh::KaryTree& tree, const MeshView& mesh, const BvhConfig&
   data.cost = config.tree.cost;
   data.sah_cost = data.built_sah_cost = bvh::sah_cost(tree, config.tree.cost);
   prepare_rays(data, config.simd);
+  progress.report(1, "widening");
   return result;
 }
 

@@ -179,6 +179,15 @@ def test_progress_is_told_and_may_cancel(blob: Mesh) -> None:
         bvh.refit(blob.positions, progress=lambda fraction, stage: False)
 
 
+@pytest.mark.parametrize("make", [umbel.build_bvh2, umbel.bvh.build_kary])
+def test_progress_of_a_tree_that_is_taken_is_told(make: Any, blob: Mesh) -> None:
+    tree, told = make(blob), []
+    umbel.Bvh.from_tree(tree, blob, progress=lambda fraction, stage: told.append(fraction))
+    assert told == [0.0, 1.0]
+    with pytest.raises(umbel.Cancelled):
+        umbel.Bvh.from_tree(tree, blob, progress=lambda fraction, stage: False)
+
+
 def _runs_beside(work: Any) -> int:
     """How often a Python thread came to run while another did `work`."""
     counts, stop = [0], threading.Event()
@@ -202,12 +211,16 @@ def test_python_runs_while_the_library_works() -> None:
     mesh = umbel.shapes.blob(6)
     bvh = umbel.Bvh(mesh)
     origins, directions = ball_rays(100_000, 13)
+    boxes = np.hstack([origins, origins + 0.01])
+    tree = umbel.bvh.DynamicTree(boxes)
     # A call that holds the GIL lets the other thread run once or twice, before and after it.
     for work in (
         lambda: umbel.Bvh(mesh, builder="sweep", threads=1),
         lambda: bvh.intersect(origins, directions, threads=1),
         lambda: bvh.all_hits(origins, directions, threads=1),
         lambda: bvh.signed_distance(origins, threads=1),
+        lambda: tree.insert(boxes),
+        lambda: tree.move(np.arange(len(boxes)), boxes[::-1]),
     ):
         assert max(_runs_beside(work) for _ in range(5)) > 10
 

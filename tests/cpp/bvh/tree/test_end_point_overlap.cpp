@@ -118,6 +118,31 @@ TEST(BvhEndPointOverlap, trees_and_meshes_that_do_not_fit_are_refused) {
   EXPECT_THROW(bvh::end_point_overlap(long_leaf, mesh.view()), Error);
 }
 
+TEST(BvhEndPointOverlap, tells_its_progress_and_can_be_cancelled) {
+  const Mesh mesh = shapes::blob(5, 3);
+  const bvh::Bvh2 tree = bvh::build(mesh.view());
+  std::vector<float> told;
+  BuildOptions options;
+  options.threads = 1;
+  options.progress = [&](float fraction, std::string_view) {
+    told.push_back(fraction);
+    return true;
+  };
+  const double once = bvh::end_point_overlap(tree, mesh.view(), {}, options);
+  EXPECT_EQ(once, bvh::end_point_overlap(tree, mesh.view()));
+  EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
+  EXPECT_EQ(told.front(), 0.0f);
+  EXPECT_EQ(told.back(), 1.0f);
+  EXPECT_GT(told.size(), 10u);
+  options.progress = [](float fraction, std::string_view) { return fraction < 0.5f; };
+  try {
+    bvh::end_point_overlap(tree, mesh.view(), {}, options);
+    FAIL() << "it was not cancelled";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kCancelled);
+  }
+}
+
 TEST(BvhEndPointOverlap, meshes_without_area_have_none) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}};
