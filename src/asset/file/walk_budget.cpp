@@ -114,16 +114,20 @@ class Budget {
   /// Instances that differ only in what does not change their cuts count together.
   void add(std::span<const Instance> instances) {
     std::map<std::pair<uint32_t, double>, Shown*> alike;
-    for (const Instance& instance : instances) {
+    for (size_t i = 0; i < instances.size(); ++i) {
+      const Instance& instance = instances[i];
       const bool by_error = view_.kind == lod::View::Kind::kError;
-      const double factor = factor_of(instance.transform, by_error);
+      const double factor =
+          lod::of_instance(i, [&] { return factor_of(instance.transform, by_error); });
       Shown* known = nullptr;
       if (by_error) known = alike[{instance.mesh, factor}];
       if (known) {
         ++known->instances;
         continue;
       }
-      shown_.push_back({instance.mesh, lod::to_object(view_, instance.transform), factor, 1, {}});
+      const lod::View own_view =
+          lod::of_instance(i, [&] { return lod::to_object(view_, instance.transform); });
+      shown_.push_back({instance.mesh, own_view, factor, 1, {}});
       if (by_error) alike[{instance.mesh, factor}] = &shown_.back();
     }
   }

@@ -1,5 +1,6 @@
 #include "lod/build/check_config.hpp"
 
+#include <cmath>
 #include <string>
 #include <utility>
 
@@ -8,6 +9,11 @@ namespace {
 
 void require(bool holds, const std::string& sentence) {
   if (!holds) throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+bool is_power_of_two(float value) {
+  int exponent = 0;
+  return value > 0 && std::isfinite(value) && std::frexp(value, &exponent) == 0.5f;
 }
 
 void check_values(const Config& config) {
@@ -27,15 +33,26 @@ void check_values(const Config& config) {
   for (const auto& [name, cost] : costs)
     require(cost >= 0.0f && cost <= 1.0f,
             std::string(name) + " is " + std::to_string(cost) + ", must be in [0, 1]");
-  require(config.min_group >= 2 && config.min_group <= config.max_group && config.max_group <= 1024,
-          "group size is " + std::to_string(config.min_group) + ":" +
-              std::to_string(config.max_group) + ", must be 2 <= min <= max <= 1024");
+  require(config.min_group >= 2,
+          "min_group is " + std::to_string(config.min_group) + ", must be at least 2");
+  require(config.max_group <= 1024,
+          "max_group is " + std::to_string(config.max_group) + ", must be at most 1024");
+  require(config.min_group <= config.max_group,
+          "min_group is " + std::to_string(config.min_group) + ", more than max_group, " +
+              std::to_string(config.max_group));
   require(config.ratio >= 0.1f && config.ratio <= 0.9f,
           "ratio is " + std::to_string(config.ratio) + ", must be in [0.1, 0.9]");
-  for (float weight : {config.normal_weight, config.uv_weight, config.color_weight,
-                       config.tangent_weight, config.skin_weight})
+  require(config.position_step == 0.0f || is_power_of_two(config.position_step),
+          "position_step is " + std::to_string(config.position_step) +
+              ", must be 0 or a positive power of two");
+  const std::pair<const char*, float> weights[] = {{"normal_weight", config.normal_weight},
+                                                   {"uv_weight", config.uv_weight},
+                                                   {"color_weight", config.color_weight},
+                                                   {"tangent_weight", config.tangent_weight},
+                                                   {"skin_weight", config.skin_weight}};
+  for (const auto& [name, weight] : weights)
     require(weight >= 0.0f && weight <= 1e3f,
-            "an attribute weight is " + std::to_string(weight) + ", must be in [0, 1000]");
+            std::string(name) + " is " + std::to_string(weight) + ", must be in [0, 1000]");
   require(config.max_error >= 0.0f,
           "max_error is " + std::to_string(config.max_error) + ", must be at least 0");
 }

@@ -139,8 +139,10 @@ View view_for_budget(const Tables& tables, const View& view, const Costs& costs,
   std::vector<Event> events;
   if (instances.empty())
     append_events(tables, costs, see(view, culling), culling.normal_cones, events);
-  for (const Transform& transform : instances)
-    append_events(tables, costs, see(view, culling, transform), culling.normal_cones, events);
+  for (size_t i = 0; i < instances.size(); ++i) {
+    const Seen seen = of_instance(i, [&] { return see(view, culling, instances[i]); });
+    append_events(tables, costs, seen, culling.normal_cones, events);
+  }
   View result = view;
   float& value = view.kind == View::Kind::kError ? result.error : result.threshold;
   const Fit found = first_that_fits(events, value, budget);

@@ -175,9 +175,12 @@ std::vector<InstanceCut> instance_cuts(const Tables& tables, const GeneratedClus
   if (instances.empty())
     cuts.emplace_back(tables, generated, costs, see(wanted, culling), see(fitted, culling),
                       culling.normal_cones);
-  for (const Transform& transform : instances)
-    cuts.emplace_back(tables, generated, costs, see(wanted, culling, transform),
-                      see(fitted, culling, transform), culling.normal_cones);
+  for (size_t i = 0; i < instances.size(); ++i) {
+    const auto seen = [&](const View& view) {
+      return of_instance(i, [&] { return see(view, culling, instances[i]); });
+    };
+    cuts.emplace_back(tables, generated, costs, seen(wanted), seen(fitted), culling.normal_cones);
+  }
   return cuts;
 }
 

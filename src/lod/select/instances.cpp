@@ -3,6 +3,7 @@
 #include "lod/select/instances.hpp"
 
 #include <string>
+#include <utility>
 
 #include "base/parallel.hpp"
 
@@ -58,11 +59,21 @@ InstanceCuts select_instances(const Tables& tables, const View& view, const Cull
                               std::span<const Transform> instances) {
   check(tables, view, culling);
   std::vector<std::vector<uint32_t>> cuts(instances.size());
-  parallel_for(instances.size(), 1, [&](size_t i) {
-    const std::vector<Plane> planes = to_object(culling.planes, instances[i]);
-    cuts[i] =
-        select_hierarchy(tables, to_object(view, instances[i]), {planes, culling.normal_cones});
-  });
+  const auto seen_by = [&](size_t i) {
+    return of_instance(i, [&] {
+      return std::pair{to_object(culling.planes, instances[i]), to_object(view, instances[i])};
+    });
+  };
+  try {
+    parallel_for(instances.size(), 1, [&](size_t i) {
+      const auto [planes, own_view] = seen_by(i);
+      cuts[i] = select_hierarchy(tables, own_view, {planes, culling.normal_cones});
+    });
+  } catch (const Error&) {
+    // The first instance that is refused, whichever thread met one first.
+    for (size_t i = 0; i < instances.size(); ++i) seen_by(i);
+    throw;
+  }
   return join_cuts(cuts);
 }
 

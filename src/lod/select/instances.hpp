@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "base/host_device.hpp"
@@ -150,6 +151,16 @@ class InstanceSpace {
 };
 
 std::vector<Plane> to_object(std::span<const Plane> planes, const Transform& transform);
+
+/// What `make()` gives; where it throws, the sentence says of which instance.
+template <typename Make>
+auto of_instance(size_t index, const Make& make) {
+  try {
+    return make();
+  } catch (const Error& error) {
+    throw Error(error.code(), "instance " + std::to_string(index) + ": " + error.what());
+  }
+}
 
 /// One cut an instance, one after the other. Throws kUnsupported where they are too many clusters.
 InstanceCuts join_cuts(std::span<const std::vector<uint32_t>> cuts);

@@ -87,16 +87,16 @@ void check(const View& view) {
   const char* wrong = nullptr;
   switch (view.kind) {
     case View::Kind::kError:
-      if (!(view.error >= 0)) wrong = "View::error must be at least 0";
+      if (!(view.error >= 0)) wrong = "the view's error must be at least 0";
       break;
     case View::Kind::kCamera:
-      if (!(view.threshold >= 0)) wrong = "View::threshold must be at least 0";
-      if (!is_finite(view.eye)) wrong = "View::eye must be finite";
+      if (!(view.threshold >= 0)) wrong = "the view's threshold must be at least 0";
+      if (!is_finite(view.eye)) wrong = "the view's eye must be finite";
       break;
     case View::Kind::kLevel:
       break;
     default:
-      wrong = "View::kind must be kError, kCamera or kLevel";
+      wrong = "the view is neither by error, by camera nor by level";
   }
   if (wrong) throw Error(ErrorCode::kInvalidArgument, wrong);
 }
@@ -110,16 +110,16 @@ void check(const Tables& tables, const View& view, const Culling& culling) {
     const Plane& plane = culling.planes[i];
     const double length = std::hypot(double{plane.normal.x}, plane.normal.y, plane.normal.z);
     if (!(std::fabs(length - 1) <= 1e-5) || !std::isfinite(plane.offset))
-      reject("Culling::planes[" + std::to_string(i) +
+      reject("planes[" + std::to_string(i) +
              "] must have a normal of length 1 and a finite offset, but has the length " +
              std::to_string(length) + " and the offset " + std::to_string(plane.offset));
   }
   if (culling.normal_cones.empty()) return;
   if (culling.normal_cones.size() != tables.clusters.size())
-    reject("Culling::normal_cones has " + std::to_string(culling.normal_cones.size()) +
+    reject("normal_cones has " + std::to_string(culling.normal_cones.size()) +
            " elements, but there are " + std::to_string(tables.clusters.size()) + " clusters");
   if (view.kind != View::Kind::kCamera)
-    reject("Culling::normal_cones needs a camera: other views have no eye");
+    reject("normal_cones needs a view by camera: other views have no eye");
 }
 
 bool must_refine(const Group& group, const View& view) {

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include "lod/synthetic_dag.hpp"
 #include "umbel/lod.hpp"
@@ -280,6 +282,39 @@ TEST(Build, impossible_configs_and_bad_meshes_are_refused) {
   bad = mesh;
   bad.triangles[2][1] = 1000;
   EXPECT_EQ(code({}, bad), ErrorCode::kInvalidMesh);
+}
+
+TEST(Build, impossible_configs_are_refused_by_the_name_of_the_field) {
+  const Mesh mesh = shapes::grid(4, 4);
+  const auto sentence = [&](const std::function<void(Config&)>& change) -> std::string {
+    Config config;
+    change(config);
+    try {
+      build(mesh.view(), config);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "not refused";
+  };
+  EXPECT_EQ(sentence([](Config& c) { c.min_group = 1; }), "min_group is 1, must be at least 2");
+  EXPECT_EQ(sentence([](Config& c) { c.min_group = 40; }),
+            "min_group is 40, more than max_group, 32");
+  EXPECT_EQ(sentence([](Config& c) { c.max_group = 1025; }),
+            "max_group is 1025, must be at most 1024");
+  const std::pair<const char*, float Config::*> weights[] = {
+      {"normal_weight", &Config::normal_weight},
+      {"uv_weight", &Config::uv_weight},
+      {"color_weight", &Config::color_weight},
+      {"tangent_weight", &Config::tangent_weight},
+      {"skin_weight", &Config::skin_weight}};
+  for (const auto& [name, weight] : weights)
+    EXPECT_EQ(sentence([&](Config& c) { c.*weight = 1001; }),
+              std::string(name) + " is 1001.000000, must be in [0, 1000]");
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (const float step : {3.0f, -0.5f, nan, std::numeric_limits<float>::infinity()})
+    EXPECT_EQ(
+        sentence([&](Config& c) { c.position_step = step; }),
+        "position_step is " + std::to_string(step) + ", must be 0 or a positive power of two");
 }
 
 TEST(Build, ends_where_large_texture_coordinates_cancel_out) {

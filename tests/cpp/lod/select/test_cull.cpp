@@ -346,6 +346,35 @@ TEST(CulledSelect, units_are_those_of_the_camera) {
   EXPECT_EQ(pixel_error(1, 0, 1, 1080), std::numeric_limits<double>::infinity());
 }
 
+// In words that callers in every language know.
+TEST(CulledSelect, impossible_views_and_planes_are_named) {
+  const Tables& tables = blob_dag().tables;
+  const auto sentence = [&](const View& view, const Culling& culling) -> std::string {
+    try {
+      select(tables, view, culling);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "not refused";
+  };
+  const View camera = testing::camera({0, 0, 3}, 0.1f);
+  View wrong = view_error(1);
+  wrong.error = -1;
+  EXPECT_EQ(sentence(wrong, {}), "the view's error must be at least 0");
+  wrong = camera;
+  wrong.threshold = -1;
+  EXPECT_EQ(sentence(wrong, {}), "the view's threshold must be at least 0");
+  wrong = camera;
+  wrong.eye.y = std::numeric_limits<float>::infinity();
+  EXPECT_EQ(sentence(wrong, {}), "the view's eye must be finite");
+  const Plane planes[] = {{{1, 0, 0}, 0}, {{2, 0, 0}, 0}};
+  EXPECT_EQ(sentence(camera, {planes, {}}).find("planes[1] must have a normal of length 1"), 0u);
+  const std::vector<ClusterBounds> few(3);
+  EXPECT_EQ(sentence(camera, {{}, few}).find("normal_cones has 3 elements"), 0u);
+  EXPECT_EQ(sentence(view_error(0), {{}, blob_normal_cones()}),
+            "normal_cones needs a view by camera: other views have no eye");
+}
+
 TEST(CulledSelect, impossible_arguments_are_rejected) {
   const Tables& tables = blob_dag().tables;
   const View view = testing::camera({0, 0, 3}, 0.1f);

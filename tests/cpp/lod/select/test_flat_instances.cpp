@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "lod/select/instances.hpp"
+#include "lod/synthetic_dag.hpp"
+#include "umbel/lod.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -31,6 +33,26 @@ TEST(FlatInstances, are_no_place_for_a_camera) {
   const Transform endless{{std::numeric_limits<float>::infinity()}};
   EXPECT_THROW(to_object(view_error(1), endless), Error);
   EXPECT_THROW(largest_stretch(endless), Error);
+}
+
+TEST(FlatInstances, are_refused_by_their_number) {
+  const Dag dag = build(shapes::grid(8, 8).view(), testing::small_config());
+  const View view = view_camera({0, 0, 9}, 1.0f, 100, 1.0f);
+  std::vector<Transform> instances(40);
+  instances[7] = instances[31] = kFlat;
+  const auto expect_named = [](const auto& call) {
+    try {
+      call();
+      ADD_FAILURE() << "not refused";
+    } catch (const Error& error) {
+      EXPECT_EQ(std::string(error.what()).find("instance 7: a transform must be"), 0u)
+          << error.what();
+    }
+  };
+  expect_named([&] { select_instances(dag.tables, view, {}, instances); });
+  const std::vector<uint32_t> costs = triangle_costs(dag.tables);
+  expect_named([&] { view_for_budget(dag.tables, view, costs, 10, {}, instances); });
+  expect_named([&] { select_for_budget(dag.tables, view, costs, 10, {}, instances); });
 }
 
 }  // namespace
