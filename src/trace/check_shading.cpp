@@ -90,7 +90,9 @@ void check_use(const std::string& what, const TextureUse& use, size_t textures) 
   if (use.texture >= textures)
     refuse(what + " uses texture " + std::to_string(use.texture) + ", but there are only " +
            std::to_string(textures));
-  if (!std::isfinite(use.offset.x + use.offset.y + use.scale.x + use.scale.y + use.rotation))
+  // In double, in which the sum of finite floats is finite.
+  if (!std::isfinite(double{use.offset.x} + use.offset.y + use.scale.x + use.scale.y +
+                     use.rotation))
     refuse(what + " transforms its texture by numbers that are not finite");
   if (use.uv_set > kMostUvSets)
     refuse(what + " uses the UVs " + std::to_string(use.uv_set) + ", but there are at most 64");

@@ -47,6 +47,21 @@ TEST(TraceArguments, materials_out_of_range_are_named) {
   refused([&](Material& m) { m.normal_scale = nan; }, "normal_scale");
 }
 
+TEST(TraceArguments, textures_may_be_moved_as_far_as_floats_reach) {
+  const std::vector<uint8_t> texels(4);
+  const TextureView texture{.texels = texels, .width = 1, .height = 1};
+  std::vector<Material> materials(1);
+  TextureUse& use = materials[0].base_color_texture;
+  use.texture = 0;
+  use.offset = {3e38f, 3e38f};
+  EXPECT_NO_THROW(scene_of(square(1), materials, constant(1), {texture}));
+  for (const float wrong : {std::numeric_limits<float>::infinity(), NAN}) {
+    use.offset = {wrong, 0};
+    expect_refused([&] { scene_of(square(1), materials, constant(1), {texture}); },
+                   "materials[0].base_color_texture");
+  }
+}
+
 TEST(TraceArguments, a_look_must_fit_its_mesh) {
   Mesh mesh = square(1);
   mesh.materials = {0, 2};
