@@ -21,13 +21,17 @@ void bind_changes(nb::class_<DynamicTree>& tree) {
           [](DynamicTree& self, const Boxes& boxes) {
             std::vector<uint32_t> numbers;
             numbers.reserve(boxes.shape(0));
-            for (const Aabb& box : rows_of<Aabb>(boxes)) numbers.push_back(self.insert(box));
+            {
+              nb::gil_scoped_release release;
+              for (const Aabb& box : rows_of<Aabb>(boxes)) numbers.push_back(self.insert(box));
+            }
             return take<uint32_t>(std::move(numbers));
           },
           "boxes"_a)
       .def(
           "remove",
           [](DynamicTree& self, const Numbers& numbers) {
+            nb::gil_scoped_release release;
             for (const uint32_t number : rows_of<uint32_t>(numbers)) self.remove(number);
           },
           "numbers"_a)
@@ -36,12 +40,14 @@ void bind_changes(nb::class_<DynamicTree>& tree) {
           [](DynamicTree& self, const Numbers& numbers, const Boxes& boxes) {
             const auto some = rows_of<uint32_t>(numbers);
             const auto there = rows_of<Aabb>(boxes);
+            nb::gil_scoped_release release;
             for (size_t i = 0; i < some.size(); ++i) self.move(some[i], there[i]);
           },
           "numbers"_a, "boxes"_a)
       .def(
           "refit",
           [](DynamicTree& self, const Numbers& numbers, const Boxes& boxes) {
+            nb::gil_scoped_release release;
             self.refit(rows_of<uint32_t>(numbers), rows_of<Aabb>(boxes));
           },
           "numbers"_a, "boxes"_a)
