@@ -6,11 +6,14 @@
 #include <bit>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 #include "base/host_device.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel {
+
+inline constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 UMBEL_HOST_DEVICE inline Vec3 operator+(const Vec3& a, const Vec3& b) {
   return {a.x + b.x, a.y + b.y, a.z + b.z};
@@ -75,6 +78,14 @@ UMBEL_HOST_DEVICE inline float half_area(const Aabb& b) {
   if (is_empty(b)) return 0.0f;
   const Vec3 d = b.max - b.min;
   return d.x * d.y + d.y * d.z + d.z * d.x;
+}
+
+/// The smallest float that is not below `value`.
+inline float round_up(double value) {
+  if (value > std::numeric_limits<float>::max()) return kInfinity;
+  const float nearest = static_cast<float>(value);
+  if (nearest >= value) return nearest;
+  return std::nextafter(nearest, kInfinity);
 }
 
 }  // namespace umbel

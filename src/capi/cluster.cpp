@@ -14,7 +14,7 @@
 namespace umbel::capi {
 namespace {
 
-umbel_cluster_config as_c(const ClusterConfig& config) {
+umbel_cluster_config config_as_c(const ClusterConfig& config) {
   umbel_cluster_config result{};
   result.struct_size = sizeof result;
   COPY_FIELDS(result, config, CLUSTER_CONFIG_FIELDS);
@@ -125,7 +125,7 @@ ClusterMetrics measure(const umbel_cluster_input* input, const umbel_cluster_out
   return cluster_metrics(arrays.items({}), copied, max_items);
 }
 
-umbel_cluster_metrics as_c(const ClusterMetrics& metrics) {
+umbel_cluster_metrics metrics_as_c(const ClusterMetrics& metrics) {
   umbel_cluster_metrics result{};
   COPY_FIELDS(result, metrics, min_size, max_size, max_vertices, clusters, mean_fill, mean_vertices,
               surface_area_ratio, sah, overlap, ratio_cut);
@@ -234,14 +234,14 @@ void bound(const umbel_cluster_input* input, const umbel_cluster_output* cluster
 using namespace umbel;
 
 void umbel_cluster_config_init_sized(umbel_cluster_config* config, size_t size) {
-  capi::init_sized(config, size, capi::as_c(umbel::ClusterConfig{}));
+  capi::init_sized(config, size, capi::config_as_c(umbel::ClusterConfig{}));
 }
 
 umbel_result umbel_cluster_config_preset(umbel_cluster_config* config, const char* name,
                                          uint32_t max_items) {
   return capi::guard_clusters([&] {
     if (!name) throw Error(ErrorCode::kInvalidArgument, "name is NULL");
-    capi::write_struct(capi::as_c(cluster_preset(name, max_items)), config, "config");
+    capi::write_struct(capi::config_as_c(cluster_preset(name, max_items)), config, "config");
   });
 }
 
@@ -265,7 +265,8 @@ umbel_result umbel_cluster_get_metrics(const umbel_cluster_input* input,
                                        const umbel_cluster_output* clusters, uint32_t max_items,
                                        umbel_cluster_metrics* metrics) {
   return capi::guard_clusters([&] {
-    capi::write_struct(capi::as_c(capi::measure(input, clusters, max_items)), metrics, "metrics");
+    capi::write_struct(capi::metrics_as_c(capi::measure(input, clusters, max_items)), metrics,
+                       "metrics");
   });
 }
 

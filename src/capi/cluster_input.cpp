@@ -4,6 +4,7 @@
 #include <string>
 
 #include "base/fields.hpp"
+#include "base/refuse.hpp"
 #include "capi/arguments.hpp"
 #include "capi/structs.hpp"
 
@@ -18,14 +19,10 @@ static_assert(sizeof(umbel_range) == sizeof(Range) && alignof(umbel_range) == al
 static_assert(offsetof(umbel_range, count) == offsetof(Range, count));
 static_assert(sizeof(Triangle) == 3 * sizeof(uint32_t) && alignof(Triangle) == alignof(uint32_t));
 
-[[noreturn]] void bad_argument(const std::string& sentence) {
-  throw Error(ErrorCode::kInvalidArgument, sentence);
-}
-
 template <typename To, typename From>
 std::span<const To> view(const From* array, size_t count, const char* name) {
   if (!array && count > 0)
-    bad_argument(std::string(name) + " is NULL, but has " + std::to_string(count) + " elements");
+    refuse(std::string(name) + " is NULL, but has " + std::to_string(count) + " elements");
   return {reinterpret_cast<const To*>(array), array ? count : 0};
 }
 
@@ -55,7 +52,7 @@ ClusterConfig cluster_config(const umbel_cluster_config* config) {
 Clusters given_clusters(const umbel_cluster_output* clusters) {
   const umbel_cluster_output given = read_struct(clusters, "clusters");
   if ((!given.ranges && given.range_count > 0) || (!given.items && given.item_count > 0))
-    bad_argument("clusters->ranges or clusters->items is NULL");
+    refuse("clusters->ranges or clusters->items is NULL");
   Clusters copied;
   const auto* ranges = reinterpret_cast<const Range*>(given.ranges);
   copied.ranges.assign(ranges, ranges + given.range_count);
@@ -76,8 +73,7 @@ ClusterArrays::ClusterArrays(const umbel_cluster_input& in) : counts_(in) {
   item_count_ = counts_.items;
   has_positions_ = in.positions != nullptr;
   if (in.item_vertices) {
-    if (in.vertices_per_item == 0)
-      bad_argument("input->vertices_per_item must be at least 1, not 0");
+    if (in.vertices_per_item == 0) refuse("input->vertices_per_item must be at least 1, not 0");
     input_.item_vertices = {in.item_vertices, in.item_count * in.vertices_per_item};
     input_.vertices_per_item = in.vertices_per_item;
   }
@@ -99,7 +95,7 @@ ClusterArrays::ClusterArrays(const umbel_cluster_input& in) : counts_(in) {
     }
   } else if (in.connection_targets || in.connection_weights || in.connection_vertex_bits ||
              in.connection_count > 0) {
-    bad_argument("input->connection_ranges is NULL, but there are connections");
+    refuse("input->connection_ranges is NULL, but there are connections");
   }
   input_.segments = counts_.segments;
   // For the library none at all would be one of everything.
@@ -109,12 +105,12 @@ ClusterArrays::ClusterArrays(const umbel_cluster_input& in) : counts_(in) {
 }
 
 void ClusterArrays::read_positions(const umbel_cluster_input& in) {
-  if (in.boxes) bad_argument("input has both boxes and positions: give one of them");
+  if (in.boxes) refuse("input has both boxes and positions: give one of them");
   if (item_count_ > 0 && !in.item_vertices)
-    bad_argument("input->positions are given, but input->item_vertices is NULL");
+    refuse("input->positions are given, but input->item_vertices is NULL");
   if (in.item_vertices && in.vertices_per_item != 3)
-    bad_argument("input->vertices_per_item must be 3 where positions are given, not " +
-                 std::to_string(in.vertices_per_item));
+    refuse("input->vertices_per_item must be 3 where positions are given, not " +
+           std::to_string(in.vertices_per_item));
   mesh_.positions =
       strided(in.positions, in.position_count, in.position_stride, "input->positions", positions_);
   mesh_.triangles = view<Triangle>(in.item_vertices, item_count_, "input->item_vertices");

@@ -8,14 +8,11 @@
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "base/refuse.hpp"
 #include "cluster/source.hpp"
 
 namespace umbel::cluster {
 namespace {
-
-[[noreturn]] void bad_argument(const std::string& sentence) {
-  throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 std::string number(float value) {
   char text[32];
@@ -26,82 +23,77 @@ std::string number(float value) {
 void check_fraction(const char* name, float value) {
   // Written so that NaN fails as well.
   if (!(value >= 0.0f && value <= 1.0f))
-    bad_argument(std::string(name) + " must be within [0, 1], not " + number(value));
+    refuse(std::string(name) + " must be within [0, 1], not " + number(value));
 }
 
 void check_connections(const ClusterInput& input) {
   const Connections& c = input.connections;
   const size_t items = input.boxes.size();
   if (c.ranges.empty()) {
-    if (!c.targets.empty()) bad_argument("connections have targets but no ranges");
+    if (!c.targets.empty()) refuse("connections have targets but no ranges");
     return;
   }
   if (c.ranges.size() != items)
-    bad_argument("connections.ranges has " + std::to_string(c.ranges.size()) +
-                 " elements, but there are " + std::to_string(items) + " items");
+    refuse("connections.ranges has " + std::to_string(c.ranges.size()) +
+           " elements, but there are " + std::to_string(items) + " items");
   if (!c.vertex_bits.empty() && c.vertex_bits.size() != c.targets.size())
-    bad_argument("connections.vertex_bits has " + std::to_string(c.vertex_bits.size()) +
-                 " elements, but there are " + std::to_string(c.targets.size()) + " targets");
+    refuse("connections.vertex_bits has " + std::to_string(c.vertex_bits.size()) +
+           " elements, but there are " + std::to_string(c.targets.size()) + " targets");
   if (!c.weights.empty() && c.weights.size() != c.targets.size())
-    bad_argument("connections.weights has " + std::to_string(c.weights.size()) +
-                 " elements, but there are " + std::to_string(c.targets.size()) + " targets");
+    refuse("connections.weights has " + std::to_string(c.weights.size()) +
+           " elements, but there are " + std::to_string(c.targets.size()) + " targets");
   for (size_t i = 0; i < items; ++i)
     if (uint64_t(c.ranges[i].offset) + c.ranges[i].count > c.targets.size())
-      bad_argument("connections.ranges[" + std::to_string(i) + "] ends past the " +
-                   std::to_string(c.targets.size()) + " targets");
+      refuse("connections.ranges[" + std::to_string(i) + "] ends past the " +
+             std::to_string(c.targets.size()) + " targets");
   for (size_t i = 0; i < c.targets.size(); ++i)
     if (c.targets[i] >= items)
-      bad_argument("connections.targets[" + std::to_string(i) + "] is " +
-                   std::to_string(c.targets[i]) + ", but there are " + std::to_string(items) +
-                   " items");
+      refuse("connections.targets[" + std::to_string(i) + "] is " + std::to_string(c.targets[i]) +
+             ", but there are " + std::to_string(items) + " items");
   for (size_t i = 0; i < c.weights.size(); ++i)
     if (!(c.weights[i] >= 0.0f && std::isfinite(c.weights[i])))
-      bad_argument("connections.weights[" + std::to_string(i) + "] must be finite and >= 0, not " +
-                   number(c.weights[i]));
+      refuse("connections.weights[" + std::to_string(i) + "] must be finite and >= 0, not " +
+             number(c.weights[i]));
 }
 
 void check_vertex_bits(const ClusterInput& input) {
   const std::span<const uint8_t> bits = input.connections.vertex_bits;
   const uint32_t arity = input.vertices_per_item;
   if (arity < 1 || arity > 8)
-    bad_argument("vertices_per_item must be from 1 to 8 where connections have vertex_bits, not " +
-                 std::to_string(arity));
+    refuse("vertices_per_item must be from 1 to 8 where connections have vertex_bits, not " +
+           std::to_string(arity));
   for (size_t i = 0; i < bits.size(); ++i)
     if (bits[i] >> arity)
-      bad_argument("connections.vertex_bits[" + std::to_string(i) + "] is " +
-                   std::to_string(bits[i]) + ", but items have " + std::to_string(arity) +
-                   " vertices");
+      refuse("connections.vertex_bits[" + std::to_string(i) + "] is " + std::to_string(bits[i]) +
+             ", but items have " + std::to_string(arity) + " vertices");
 }
 
 void check_vertex_limit(const ClusterInput& input, const ClusterConfig& config) {
   if (config.max_vertices && config.max_vertices < input.vertices_per_item)
-    bad_argument("max_vertices is " + std::to_string(config.max_vertices) +
-                 ", too few for one item of " + std::to_string(input.vertices_per_item) +
-                 " vertices");
+    refuse("max_vertices is " + std::to_string(config.max_vertices) + ", too few for one item of " +
+           std::to_string(input.vertices_per_item) + " vertices");
 }
 
 void check_vertices(const ClusterInput& input, const ClusterConfig& config) {
   const size_t items = input.boxes.size();
   if (!(input.shared_vertex_weight >= 0.0f && std::isfinite(input.shared_vertex_weight)))
-    bad_argument("shared_vertex_weight must be finite and >= 0, not " +
-                 number(input.shared_vertex_weight));
+    refuse("shared_vertex_weight must be finite and >= 0, not " +
+           number(input.shared_vertex_weight));
   if (input.item_vertices.empty()) {
     if (items == 0) return;
     const bool has_bits = has_vertex_bits(input);
     if (has_bits) check_vertex_bits(input);
-    if (config.max_vertices && !has_bits)
-      bad_argument("max_vertices is set, but items have no vertices");
+    if (config.max_vertices && !has_bits) refuse("max_vertices is set, but items have no vertices");
     if (input.shared_vertex_weight > 0.0f)
-      bad_argument("shared_vertex_weight is set, but items have no vertices");
+      refuse("shared_vertex_weight is set, but items have no vertices");
     if (has_bits) check_vertex_limit(input, config);
     return;
   }
-  if (input.vertices_per_item == 0) bad_argument("vertices_per_item must be at least 1, not 0");
+  if (input.vertices_per_item == 0) refuse("vertices_per_item must be at least 1, not 0");
   if (input.item_vertices.size() != uint64_t(items) * input.vertices_per_item)
-    bad_argument("item_vertices has " + std::to_string(input.item_vertices.size()) +
-                 " elements, but " + std::to_string(items) + " items of " +
-                 std::to_string(input.vertices_per_item) + " vertices need " +
-                 std::to_string(uint64_t(items) * input.vertices_per_item));
+    refuse("item_vertices has " + std::to_string(input.item_vertices.size()) + " elements, but " +
+           std::to_string(items) + " items of " + std::to_string(input.vertices_per_item) +
+           " vertices need " + std::to_string(uint64_t(items) * input.vertices_per_item));
   check_vertex_limit(input, config);
 }
 
@@ -112,9 +104,9 @@ void check_segments(const ClusterInput& input) {
   for (size_t s = 0; s < input.segments.size(); ++s) {
     const Range& r = input.segments[s];
     if (uint64_t(r.offset) + r.count > items)
-      bad_argument("segments[" + std::to_string(s) + "] ends at " +
-                   std::to_string(uint64_t(r.offset) + r.count) + ", but there are " +
-                   std::to_string(items) + " items");
+      refuse("segments[" + std::to_string(s) + "] ends at " +
+             std::to_string(uint64_t(r.offset) + r.count) + ", but there are " +
+             std::to_string(items) + " items");
     if (r.count == 0) continue;
     ascending &= r.offset >= end;
     end = uint64_t(r.offset) + r.count;
@@ -127,7 +119,7 @@ void check_segments(const ClusterInput& input) {
             [](const Range& a, const Range& b) { return a.offset < b.offset; });
   for (size_t s = 1; s < sorted.size(); ++s)
     if (sorted[s].offset < sorted[s - 1].offset + sorted[s - 1].count)
-      bad_argument("segments overlap at item " + std::to_string(sorted[s].offset));
+      refuse("segments overlap at item " + std::to_string(sorted[s].offset));
 }
 
 [[noreturn]] void report_triangle(const MeshView& mesh, size_t i) {
@@ -230,11 +222,11 @@ bool are_valid(const ClusterInput& input, size_t begin, size_t end) {
 }  // namespace
 
 void validate_config(const ClusterConfig& config) {
-  if (config.min_items == 0) bad_argument("min_items must be at least 1, not 0");
-  if (config.max_items == 0) bad_argument("max_items must be at least 1, not 0");
+  if (config.min_items == 0) refuse("min_items must be at least 1, not 0");
+  if (config.max_items == 0) refuse("max_items must be at least 1, not 0");
   if (config.min_items > config.max_items)
-    bad_argument("min_items is " + std::to_string(config.min_items) + ", more than max_items, " +
-                 std::to_string(config.max_items));
+    refuse("min_items is " + std::to_string(config.min_items) + ", more than max_items, " +
+           std::to_string(config.max_items));
   check_fraction("underfill_cost", config.underfill_cost);
   check_fraction("overlap_cost", config.overlap_cost);
   check_fraction("vertex_underfill_cost", config.vertex_underfill_cost);
@@ -243,11 +235,11 @@ void validate_config(const ClusterConfig& config) {
 void validate_layout(const ClusterInput& input, const ClusterConfig& config) {
   // The last index is kNone, "no such element".
   if (input.boxes.size() >= kNone)
-    bad_argument("there are " + std::to_string(input.boxes.size()) +
-                 " items, more than 32-bit indices can name");
+    refuse("there are " + std::to_string(input.boxes.size()) +
+           " items, more than 32-bit indices can name");
   if (!input.centroids.empty() && input.centroids.size() != input.boxes.size())
-    bad_argument("centroids has " + std::to_string(input.centroids.size()) +
-                 " elements, but there are " + std::to_string(input.boxes.size()) + " boxes");
+    refuse("centroids has " + std::to_string(input.centroids.size()) + " elements, but there are " +
+           std::to_string(input.boxes.size()) + " boxes");
   check_connections(input);
   check_vertices(input, config);
   check_segments(input);
@@ -256,14 +248,12 @@ void validate_layout(const ClusterInput& input, const ClusterConfig& config) {
 Box4 validate_triangles(const MeshView& mesh, const ClusterConfig& config,
                         float shared_vertex_weight) {
   if (mesh.triangles.size() >= kNone)
-    bad_argument("there are " + std::to_string(mesh.triangles.size()) +
-                 " triangles, more than 32-bit indices can name");
+    refuse("there are " + std::to_string(mesh.triangles.size()) +
+           " triangles, more than 32-bit indices can name");
   if (!(shared_vertex_weight >= 0.0f && std::isfinite(shared_vertex_weight)))
-    bad_argument("shared_vertex_weight must be finite and >= 0, not " +
-                 number(shared_vertex_weight));
+    refuse("shared_vertex_weight must be finite and >= 0, not " + number(shared_vertex_weight));
   if (config.max_vertices && config.max_vertices < 3)
-    bad_argument("max_vertices is " + std::to_string(config.max_vertices) +
-                 ", too few for one triangle");
+    refuse("max_vertices is " + std::to_string(config.max_vertices) + ", too few for one triangle");
   Box4 box = Box4::empty();
   if (!positions_tell(mesh, box)) box = check_corners(mesh);
   return box;

@@ -118,9 +118,9 @@ std::string some_of(const std::vector<std::string>& names) {
 }
 
 /// A file's blocks, and the sentences about them.
-class Reader {
+class ObjReader {
  public:
-  Reader(const ByteSource& source, const std::string& name, size_t block_bytes)
+  ObjReader(const ByteSource& source, const std::string& name, size_t block_bytes)
       : name_(name), texts_(source, block_bytes) {}
 
   ObjMesh read() {
@@ -266,11 +266,11 @@ class Reader {
 
 std::vector<std::string> read_obj_blocks(const ByteSource& source, const std::string& name,
                                          ObjSink& sink, size_t block_bytes) {
-  return Reader(source, name, block_bytes).read_to(sink);
+  return ObjReader(source, name, block_bytes).read_to(sink);
 }
 
 ObjMesh read_obj(const ByteSource& source, const std::string& name, size_t block_bytes) {
-  return Reader(source, name, block_bytes).read();
+  return ObjReader(source, name, block_bytes).read();
 }
 
 }  // namespace umbel::io

@@ -15,9 +15,9 @@ struct Counts {
 };
 
 /// From a coordinate to a bin, and back to the plane where a bin begins.
-class Scale {
+class BinScale {
  public:
-  Scale(const Aabb& cell, uint32_t axis, uint32_t bins)
+  BinScale(const Aabb& cell, uint32_t axis, uint32_t bins)
       : low_(component(cell.min, axis)),
         width_((double(component(cell.max, axis)) - double(low_)) / bins),
         inverse_(width_ > 0 ? 1 / width_ : 0),
@@ -41,7 +41,7 @@ void add_counts(Counts& sum, const Counts& part, uint32_t bins) {
     }
 }
 
-Counts count_boxes(std::span<const BoxSet::Item> items, const std::array<Scale, 3>& scales,
+Counts count_boxes(std::span<const BoxSet::Item> items, const std::array<BinScale, 3>& scales,
                    uint32_t bins) {
   const auto count = [&](size_t begin, size_t end, Counts& counts) {
     for (size_t i = begin; i < end; ++i)
@@ -72,8 +72,8 @@ std::vector<uint32_t> BoxSet::triangles() const {
 }
 
 Split BoxSet::best_split(const Aabb& cell) const {
-  const std::array<Scale, 3> scales{Scale(cell, 0, bins_), Scale(cell, 1, bins_),
-                                    Scale(cell, 2, bins_)};
+  const std::array<BinScale, 3> scales{BinScale(cell, 0, bins_), BinScale(cell, 1, bins_),
+                                       BinScale(cell, 2, bins_)};
   const Counts counts = count_boxes(items_, scales, bins_);
   Split best;
   for (uint32_t axis = 0; axis < 3; ++axis) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "base/math.hpp"
+
 namespace umbel::kdtree {
 namespace {
 
@@ -189,7 +191,6 @@ void BoxGrower::gather(const Span& span, uint32_t axis, uint32_t interval) {
 void BoxGrower::sweep(const PlaneCost& cost, const Span& span, const Interval& interval,
                       Split& best) {
   gather(span, interval.axis, interval.number);
-  constexpr float kInfinity = std::numeric_limits<float>::infinity();
   size_t i = 0, j = 0, k = 0;
   const auto at = [](const std::vector<float>& ends, size_t n) {
     return n < ends.size() ? ends[n] : kInfinity;

@@ -4,6 +4,7 @@
 #include <bit>
 #include <vector>
 
+#include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "base/radix_sort.hpp"
 #include "base/radix_sort_pairs.hpp"
@@ -12,7 +13,7 @@ namespace umbel::kdtree {
 namespace {
 
 /// Sets larger than this are divided by several tasks.
-constexpr uint32_t kParallel = 1u << 14;
+constexpr uint32_t kParallelEvents = 1u << 14;
 
 // Where a triangle goes: its number in the set below, or in the set above with kAbove.
 constexpr uint32_t kAbove = 0x80000000u, kBoth = 0x40000000u;
@@ -172,7 +173,6 @@ void EventSet::sweep(const PlaneCost& cost, float from, float to, Split& best) c
                   &flat = list(cost.axis(), kFlat);
   uint32_t i = events_before(low, from), j = events_before(high, from),
            k = events_before(flat, from);
-  constexpr float kInfinity = std::numeric_limits<float>::infinity();
   const auto at = [&](const EventList& list, uint32_t n) {
     return n < list.size ? list.events[n].at : kInfinity;
   };
@@ -242,7 +242,7 @@ bool EventSet::split(const Aabb& cell, const Split& split, uint64_t spare, Event
   const auto filter_list = [&](size_t i) {
     filter(static_cast<uint32_t>(i / 3), static_cast<Kind>(i % 3), division, below, above);
   };
-  if (count_ < kParallel)
+  if (count_ < kParallelEvents)
     for (size_t i = 0; i < 9; ++i) filter_list(i);
   else
     parallel_for(9, 1, filter_list);

@@ -6,12 +6,12 @@
 namespace umbel {
 namespace {
 
-struct Plain {};
+struct PlainKd {};
 
 }  // namespace
 
 const RayKernels* portable_kd_kernels(kdtree::Traversal traversal) {
-  return kd_kernels<PlainTriangles<Plain>>(traversal);
+  return kd_kernels<PlainTriangles<PlainKd>>(traversal);
 }
 
 }  // namespace umbel

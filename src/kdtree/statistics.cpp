@@ -7,7 +7,7 @@
 namespace umbel::kdtree {
 namespace {
 
-struct Visit {
+struct MeasuredNode {
   uint32_t node, depth;
   Aabb cell;
 };
@@ -20,9 +20,9 @@ Statistics statistics(const Tree& tree, const bvh::CostModel& cost) {
   s.bytes = tree.nodes.size() * sizeof(Node) + tree.references.size() * sizeof(uint32_t);
   if (tree.nodes.empty()) return s;
   const double whole = cell_area(tree.bounds);
-  std::vector<Visit> stack{{0, 0, tree.bounds}};
+  std::vector<MeasuredNode> stack{{0, 0, tree.bounds}};
   while (!stack.empty()) {
-    const Visit visit = stack.back();
+    const MeasuredNode visit = stack.back();
     stack.pop_back();
     const Node& node = tree.nodes[visit.node];
     // Where there is no area, every node is visited.

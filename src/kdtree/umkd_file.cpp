@@ -13,14 +13,14 @@ namespace {
 
 using kdtree::Node;
 
-constexpr ContainerKind kKind{".umkd", {'\x89', 'U', 'M', 'K', 'D', '\r', '\n', '\x1a'}, 1, 0};
-constexpr uint32_t kCompact = 1, kMasked = 2;
+constexpr ContainerKind kUmkd{".umkd", {'\x89', 'U', 'M', 'K', 'D', '\r', '\n', '\x1a'}, 1, 0};
+constexpr uint32_t kCompactKdTree = 1, kMaskedKdTree = 2;
 
 ContainerFields encode(const KdTreeData& data) {
   ContainerFields fields{};
   ByteWriter out(fields);
   out.u32(data.triangle_count), out.u32(data.reference_count);
-  out.u32((data.compact ? kCompact : 0) | (data.masked ? kMasked : 0));
+  out.u32((data.compact ? kCompactKdTree : 0) | (data.masked ? kMaskedKdTree : 0));
   out.u32(0);
   out.f32(data.cost.traversal), out.f32(data.cost.intersection);
   out.vec3(data.bounds.min), out.vec3(data.bounds.max);
@@ -28,13 +28,13 @@ ContainerFields encode(const KdTreeData& data) {
 }
 
 /// All but the arrays.
-KdTreeData decode(const ContainerFields& fields) {
+KdTreeData decode_kdtree(const ContainerFields& fields) {
   ByteReader in(fields);
   KdTreeData data;
   data.triangle_count = in.u32(), data.reference_count = in.u32();
   const uint32_t flags = in.u32();
-  if (flags > (kCompact | kMasked)) corrupt("the header has unknown flags");
-  data.compact = (flags & kCompact) != 0, data.masked = (flags & kMasked) != 0;
+  if (flags > (kCompactKdTree | kMaskedKdTree)) corrupt("the header has unknown flags");
+  data.compact = (flags & kCompactKdTree) != 0, data.masked = (flags & kMaskedKdTree) != 0;
   const uint32_t reserved = in.u32();
   data.cost.traversal = in.f32(), data.cost.intersection = in.f32();
   data.bounds.min = in.vec3(), data.bounds.max = in.vec3();
@@ -98,9 +98,9 @@ kdtree::Tree tree_of(const KdTreeData& data) {
   return tree;
 }
 
-KdTreeData read_file(const std::string& path) {
-  const ContainerFile file(path, kKind);
-  KdTreeData data = decode(file.fields());
+KdTreeData read_umkd(const std::string& path) {
+  const ContainerFile file(path, kUmkd);
+  KdTreeData data = decode_kdtree(file.fields());
   check_header(data, file);
   data.nodes.resize(file.bytes(0) / sizeof(Node));
   data.leaves.resize(file.bytes(1) / 4);
@@ -120,14 +120,14 @@ namespace kdtree {
 
 void KdTree::save(const std::string& path) const {
   const Data& d = data();
-  write_container(path, kKind, encode(d), container_bytes(d.nodes, d.leaves, d.vertices));
+  write_container(path, kUmkd, encode(d), container_bytes(d.nodes, d.leaves, d.vertices));
 }
 
 KdTree KdTree::load(const std::string& path, Traversal traversal, Simd simd) {
   (void)name(traversal);  // throws where there is none
   KdTree result;
   KdTreeData& data = result.data();
-  data = reading(path, [&] { return read_file(path); });
+  data = reading(path, [&] { return read_umkd(path); });
   data.traversal = traversal;
   data.simd = simd;
   prepare_rays(data);

@@ -12,13 +12,13 @@ namespace umbel {
 namespace {
 
 // The words of a position: the first two in one, the first above.
-struct Corners {
+struct CornerWords {
   // Twice around, so that all three rotations stand in a row.
   std::array<uint64_t, 5> xy;
   std::array<uint32_t, 5> z;
 };
 
-bool is_less(const Corners& c, size_t a, size_t b) {
+bool is_less(const CornerWords& c, size_t a, size_t b) {
   for (size_t i = 0; i < 3; ++i) {
     if (c.xy[a + i] != c.xy[b + i]) return c.xy[a + i] < c.xy[b + i];
     if (c.z[a + i] != c.z[b + i]) return c.z[a + i] < c.z[b + i];
@@ -27,7 +27,7 @@ bool is_less(const Corners& c, size_t a, size_t b) {
 }
 
 // Where the least rotation starts.
-size_t least_rotation(const Corners& c) {
+size_t least_rotation(const CornerWords& c) {
   const uint64_t a = c.xy[0], b = c.xy[1], d = c.xy[2];
   // All but degenerate triangles and tall ones are decided by the first words of the least corner.
   if (a != b && b != d && d != a) {
@@ -41,7 +41,7 @@ size_t least_rotation(const Corners& c) {
 }
 
 uint64_t triangle_digest(const MeshView& mesh, const Triangle& t) {
-  Corners c;
+  CornerWords c;
   for (size_t i = 0; i < 5; ++i) {
     const auto [x, y, z] = value_bits(mesh.positions[t[i % 3]]);
     c.xy[i] = uint64_t{x} << 32 | y;

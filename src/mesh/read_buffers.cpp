@@ -8,7 +8,7 @@
 namespace umbel {
 namespace {
 
-constexpr size_t kChunk = 1 << 14;
+constexpr size_t kRowsAtOnce = 1 << 14;
 
 [[noreturn]] void reject(const std::string& sentence) {
   throw Error(ErrorCode::kInvalidArgument, "read_buffers: " + sentence);
@@ -24,7 +24,7 @@ std::vector<Value> read_stream(const VertexStream& stream, size_t count, const c
            " bytes, but a value has " + std::to_string(sizeof(Value)));
   values.resize(count);
   const auto* bytes = static_cast<const unsigned char*>(stream.data) + stream.offset;
-  parallel_for(count, kChunk, [&](size_t i) {
+  parallel_for(count, kRowsAtOnce, [&](size_t i) {
     std::memcpy(static_cast<void*>(&values[i]), bytes + i * stride, sizeof(Value));
   });
   return values;
@@ -33,7 +33,7 @@ std::vector<Value> read_stream(const VertexStream& stream, size_t count, const c
 template <typename Index>
 void read_indices(const MeshBuffers& buffers, std::vector<Triangle>& triangles) {
   const auto* bytes = static_cast<const unsigned char*>(buffers.indices);
-  parallel_for(triangles.size(), kChunk, [&](size_t i) {
+  parallel_for(triangles.size(), kRowsAtOnce, [&](size_t i) {
     for (size_t k = 0; k < 3; ++k) {
       Index index;
       std::memcpy(&index, bytes + (3 * i + k) * sizeof index, sizeof index);

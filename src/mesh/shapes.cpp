@@ -7,14 +7,11 @@
 #include "base/hash.hpp"
 #include "base/hash_index.hpp"
 #include "base/parallel.hpp"
+#include "base/refuse.hpp"
 #include "umbel/mesh.hpp"
 
 namespace umbel::shapes {
 namespace {
-
-void require(bool met, const std::string& sentence) {
-  if (!met) throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 Vec3 rounded(const Vec3d& v) {
   return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};

@@ -10,7 +10,7 @@
 namespace umbel {
 namespace {
 
-constexpr size_t kChunk = 256;
+constexpr size_t kArrayRaysAtOnce = 256;
 
 /// Checks one part's length; `count` is that of all rays, once known.
 void check_length(size_t length, const char* name, size_t count) {
@@ -63,7 +63,7 @@ void write(const HitArrays& hits, size_t i, const Hit& hit) {
 template <typename Body>
 void for_each_ray(size_t count, uint32_t threads, const Body& body) {
   with_threads(threads, [&] {
-    parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+    parallel_chunks(count, kArrayRaysAtOnce, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) body(i);
     });
   });
@@ -125,19 +125,20 @@ AllHits all_hits(const TriangleQueries& structure, const RayArrays& rays, size_t
   const RayReader reader(rays);
   AllHits result;
   result.offsets.resize(count + 1);
-  std::vector<std::vector<Hit>> parts((count + kChunk - 1) / kChunk);
+  std::vector<std::vector<Hit>> parts((count + kArrayRaysAtOnce - 1) / kArrayRaysAtOnce);
   with_threads(threads, [&] {
-    parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+    parallel_chunks(count, kArrayRaysAtOnce, [&](size_t begin, size_t end) {
       std::vector<Hit> room(max_hits == 0 ? kFirstRoom : std::min(kFirstRoom, max_hits));
-      std::vector<Hit>& part = parts[begin / kChunk];
+      std::vector<Hit>& part = parts[begin / kArrayRaysAtOnce];
       for (size_t i = begin; i < end; ++i)
         result.offsets[i + 1] = append_hits(structure, reader[i], max_hits, options, room, part);
     });
     for (size_t i = 0; i < count; ++i) result.offsets[i + 1] += result.offsets[i];
     result.hits.resize(result.offsets.back());
     parallel_for(parts.size(), 1, [&](size_t i) {
-      std::copy(parts[i].begin(), parts[i].end(),
-                result.hits.begin() + static_cast<std::ptrdiff_t>(result.offsets[i * kChunk]));
+      std::copy(
+          parts[i].begin(), parts[i].end(),
+          result.hits.begin() + static_cast<std::ptrdiff_t>(result.offsets[i * kArrayRaysAtOnce]));
     });
   });
   return result;

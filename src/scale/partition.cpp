@@ -8,8 +8,8 @@
 namespace umbel::scale {
 namespace {
 
-constexpr uint32_t kMagic = 0x54524150;  // "PART"
-constexpr size_t kGridBytes = 28, kNodeBytes = 20, kHeaderBytes = 16;
+constexpr uint32_t kPartMagic = 0x54524150;  // "PART"
+constexpr size_t kGridBytes = 28, kNodeBytes = 20, kPartHeaderBytes = 16;
 
 uint32_t along(float low, float high, float value, uint32_t resolution) {
   const double size = double{high} - low;
@@ -58,10 +58,10 @@ uint32_t Partition::shared_leaves() const {
 }
 
 std::vector<std::byte> Partition::bytes() const {
-  std::vector<std::byte> bytes(kHeaderBytes + grids_.size() * kGridBytes +
+  std::vector<std::byte> bytes(kPartHeaderBytes + grids_.size() * kGridBytes +
                                nodes_.size() * kNodeBytes);
   ByteWriter out(bytes);
-  out.u32(kMagic);
+  out.u32(kPartMagic);
   out.u32(units_);
   out.u32(static_cast<uint32_t>(grids_.size()));
   out.u32(static_cast<uint32_t>(nodes_.size()));
@@ -78,11 +78,11 @@ std::vector<std::byte> Partition::bytes() const {
 
 Partition Partition::from_bytes(std::span<const std::byte> bytes) {
   ByteReader in(bytes);
-  if (in.u32() != kMagic) corrupt("this is no partition into units");
+  if (in.u32() != kPartMagic) corrupt("this is no partition into units");
   Partition partition;
   partition.units_ = in.u32();
   const uint64_t grids = in.u32(), nodes = in.u32();
-  if (bytes.size() != kHeaderBytes + grids * kGridBytes + nodes * kNodeBytes || nodes == 0)
+  if (bytes.size() != kPartHeaderBytes + grids * kGridBytes + nodes * kNodeBytes || nodes == 0)
     corrupt("a partition into units has another size than it says");
   partition.grids_.clear();
   partition.nodes_.clear();

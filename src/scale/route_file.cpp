@@ -13,7 +13,7 @@
 namespace umbel::scale {
 namespace {
 
-constexpr uint64_t kMagic = 0x00312E4554554F52u;  // "ROUTE.1"
+constexpr uint64_t kRouteMagic = 0x00312E4554554F52u;  // "ROUTE.1"
 constexpr size_t kHeaderBytes = 64, kEntryBytes = 32;
 
 /// Words as bytes of a file, and back.
@@ -77,7 +77,7 @@ void RouteWriter::commit() {
   file_.write(at_, bytes_);
   std::array<std::byte, kHeaderBytes> header{};
   ByteWriter head(header);
-  head.u64(kMagic);
+  head.u64(kRouteMagic);
   head.u32(floats_);
   head.u32(has_materials_ ? 1 : 0);
   head.u64(index_.size());
@@ -97,7 +97,7 @@ RouteFile::RouteFile(const std::filesystem::path& path) : path_(path), file_(pat
   floats_ = in.u32();
   has_materials_ = in.u32() != 0;
   const uint64_t count = in.u64(), at = in.u64(), hash = in.u64();
-  if (magic != kMagic || in.u64() != xxh64(header.data(), kHeaderBytes - 24) || floats_ < 3)
+  if (magic != kRouteMagic || in.u64() != xxh64(header.data(), kHeaderBytes - 24) || floats_ < 3)
     corrupt(path.string() + " is no routed part of a mesh, or is damaged");
   if (at > file_.size() || count != (file_.size() - at) / kEntryBytes ||
       (file_.size() - at) % kEntryBytes != 0)

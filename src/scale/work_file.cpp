@@ -9,7 +9,7 @@ namespace {
 
 // The last bytes of a file: where the index begins, how many entries it has, its hash, the magic.
 constexpr size_t kTail = 32;
-constexpr uint64_t kMagic = 0x31534c4953424d55;  // "UMBSLIS1"
+constexpr uint64_t kWorkMagic = 0x31534c4953424d55;  // "UMBSLIS1"
 
 }  // namespace
 
@@ -22,7 +22,7 @@ void SliceWriter::add(uint32_t unit, std::span<const std::byte> bytes) {
 void SliceWriter::commit() {
   const std::span<const std::byte> index = std::as_bytes(std::span(index_));
   file_.write(at_, index);
-  const uint64_t tail[] = {at_, index_.size(), xxh64(index.data(), index.size()), kMagic};
+  const uint64_t tail[] = {at_, index_.size(), xxh64(index.data(), index.size()), kWorkMagic};
   file_.write(at_ + index.size(), std::as_bytes(std::span(tail)));
   file_.commit();
 }
@@ -34,7 +34,7 @@ SliceReader::SliceReader(const std::filesystem::path& path) : path_(path), file_
   if (file_.size() < kTail) refuse();
   file_.read(file_.size() - kTail, std::as_writable_bytes(std::span(tail)));
   const uint64_t room = file_.size() - kTail;
-  if (tail[3] != kMagic || tail[1] > room / sizeof(SliceWriter::Entry) ||
+  if (tail[3] != kWorkMagic || tail[1] > room / sizeof(SliceWriter::Entry) ||
       tail[0] != room - tail[1] * sizeof(SliceWriter::Entry))
     refuse();
   index_.resize(tail[1]);

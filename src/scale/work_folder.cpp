@@ -13,6 +13,7 @@
 
 #include "base/file.hpp"
 #include "base/hash.hpp"
+#include "base/refuse.hpp"
 
 #if defined(__unix__) || defined(__APPLE__)
 #define UMBEL_POSIX_LOCKS 1
@@ -25,10 +26,6 @@ namespace umbel::scale {
 namespace {
 
 namespace fs = std::filesystem;
-
-[[noreturn]] void refuse(const std::string& sentence) {
-  throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 constexpr std::string_view kChecksum = ",\n  \"checksum\": \"";
 constexpr const char* kEnd = "\"\n}\n";

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "base/math.hpp"
+#include "base/refuse.hpp"
 #include "stream/cut_tracker.hpp"
 #include "umbel/stream.hpp"
 
@@ -35,10 +36,6 @@ struct Candidate {
   float priority;
   uint32_t page;
 };
-
-[[noreturn]] void refuse(const std::string& sentence) {
-  throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 /// A limit of 0 is none.
 template <typename Number>

@@ -3,14 +3,10 @@
 
 #include <string>
 
+#include "base/refuse.hpp"
+
 namespace umbel::trace {
-namespace {
-
-void require(bool holds, const std::string& sentence) {
-  if (!holds) throw Error(ErrorCode::kInvalidArgument, sentence);
-}
-
-}  // namespace
+namespace {}  // namespace
 
 void check_picture_size(uint32_t width, uint32_t height) {
   constexpr uint32_t kLargest = 32768;

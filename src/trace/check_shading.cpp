@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "base/refuse.hpp"
 #include "trace/vector.hpp"
 
 namespace umbel::trace {
@@ -136,8 +137,6 @@ void check_environment(const Environment& e) {
 }
 
 }  // namespace
-
-void refuse(const std::string& sentence) { throw Error(ErrorCode::kInvalidArgument, sentence); }
 
 std::array<const TextureUse*, 16> texture_uses(const Material& m) {
   std::array<const TextureUse*, 16> uses;

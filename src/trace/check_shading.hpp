@@ -8,8 +8,6 @@
 
 namespace umbel::trace {
 
-[[noreturn]] void refuse(const std::string& sentence);
-
 /// Throws kInvalidArgument where a shading is out of range or does not fit the mesh.
 void check_shading(const MeshView& mesh, const Shading& shading);
 

@@ -6,15 +6,15 @@
 namespace umbel::trace {
 namespace {
 
-constexpr uint32_t kSamples = 256;
+constexpr uint32_t kMicrofacetSamples = 256;
 
-std::array<float, 2> integrate(float cosine, float roughness) {
+std::array<float, 2> integrate_microfacets(float cosine, float roughness) {
   const float alpha = alpha_of(roughness);
   const Vec3 wo{std::sqrt(1.0f - cosine * cosine), 0.0f, cosine};
   const float lambda_o = smith_lambda(wo, alpha);
   double a = 0, b = 0;
-  for (uint32_t i = 0; i < kSamples; ++i) {
-    const Vec2 u{(static_cast<float>(i) + 0.5f) / kSamples, unit_float(reverse_bits(i))};
+  for (uint32_t i = 0; i < kMicrofacetSamples; ++i) {
+    const Vec2 u{(static_cast<float>(i) + 0.5f) / kMicrofacetSamples, unit_float(reverse_bits(i))};
     const Vec3 h = visible_facet(wo, alpha, u);
     const Vec3 wi = mirrored(wo, h);
     if (wi.z <= 0.0f) continue;
@@ -23,11 +23,11 @@ std::array<float, 2> integrate(float cosine, float roughness) {
     a += g * (1.0f - grazing);
     b += g * grazing;
   }
-  return {static_cast<float>(a / kSamples), static_cast<float>(b / kSamples)};
+  return {static_cast<float>(a / kMicrofacetSamples), static_cast<float>(b / kMicrofacetSamples)};
 }
 
 }  // namespace
 
-AlbedoGrid<2> reflection_table() { return AlbedoGrid<2>(integrate); }
+AlbedoGrid<2> reflection_table() { return AlbedoGrid<2>(integrate_microfacets); }
 
 }  // namespace umbel::trace

@@ -8,6 +8,7 @@
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "base/refuse.hpp"
 #include "trace/camera.hpp"
 #include "trace/path.hpp"
 #include "umbel/trace.hpp"
@@ -16,10 +17,6 @@ namespace umbel::trace {
 namespace {
 
 constexpr uint32_t kTile = 16;
-
-void require(bool holds, const std::string& sentence) {
-  if (!holds) throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 void check(const Settings& s) {
   constexpr uint32_t kMostSamples = 1u << 24;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/parallel.hpp"
+#include "base/refuse.hpp"
 #include "trace/check_shading.hpp"
 #include "trace/layers.hpp"
 #include "trace/scene_data.hpp"

@@ -7,7 +7,7 @@ namespace umbel::trace {
 namespace {
 
 constexpr float kSmoothestCloth = 0.07f;
-constexpr uint32_t kSamples = 256;
+constexpr uint32_t kSheenSamples = 256;
 
 /// The curve of Estevez & Kulla's fit of shadowing.
 float fitted(float x, float alpha) {
@@ -33,19 +33,19 @@ float unbounded(const Vec3& wo, const Vec3& wi, float roughness) {
   return d / (shadowed * 4.0f * std::max(wo.z, 1e-3f));
 }
 
-std::array<float, 1> integrate(float cosine, float roughness) {
+std::array<float, 1> integrate_sheen(float cosine, float roughness) {
   const Vec3 wo{std::sqrt(1.0f - cosine * cosine), 0.0f, cosine};
   double sum = 0;
-  for (uint32_t i = 0; i < kSamples; ++i) {
-    const float z = (static_cast<float>(i) + 0.5f) / kSamples;
+  for (uint32_t i = 0; i < kSheenSamples; ++i) {
+    const float z = (static_cast<float>(i) + 0.5f) / kSheenSamples;
     const float r = std::sqrt(1.0f - z * z), phi = 2.0f * kPi * unit_float(reverse_bits(i));
     sum += unbounded(wo, {r * std::cos(phi), r * std::sin(phi), z}, roughness);
   }
-  return {static_cast<float>(sum * 2.0 * kPi / kSamples)};
+  return {static_cast<float>(sum * 2.0 * kPi / kSheenSamples)};
 }
 
 float tabled(float cosine, float roughness) {
-  static const AlbedoGrid<1> table(integrate);
+  static const AlbedoGrid<1> table(integrate_sheen);
   return table.lookup(cosine, roughness)[0];
 }
 

@@ -18,7 +18,7 @@ namespace umbel {
 namespace {
 
 /// Nodes with their references, both numbered from 0; node 0 is the root.
-struct Part {
+struct Subtree {
   std::vector<OctreeNode> nodes;
   std::vector<uint32_t> references;
 };
@@ -30,9 +30,9 @@ class OctreeBuilder {
 
   /// The subtree of a cell that these triangles touch. `spare` is how many references more there
   /// may be.
-  Part grow(std::vector<uint32_t> triangles, const Aabb& cell, uint32_t depth,
-            uint64_t spare) const {
-    Part part;
+  Subtree grow(std::vector<uint32_t> triangles, const Aabb& cell, uint32_t depth,
+               uint64_t spare) const {
+    Subtree part;
     part.nodes.emplace_back();
     grow(std::move(triangles), cell, depth, spare, 0, part);
     return part;
@@ -43,7 +43,7 @@ class OctreeBuilder {
   using Lists = std::array<std::vector<uint32_t>, 8>;
 
   void grow(std::vector<uint32_t> triangles, const Aabb& cell, uint32_t depth, uint64_t spare,
-            uint32_t node, Part& out) const {
+            uint32_t node, Subtree& out) const {
     const size_t count = triangles.size();
     Lists lists;
     const Vec3 middle = center(cell);
@@ -72,7 +72,7 @@ class OctreeBuilder {
              children + child, out);
       return;
     }
-    std::array<Part, 8> parts;
+    std::array<Subtree, 8> parts;
     parallel_for(8, 1, [&](size_t i) {
       const auto child = static_cast<uint32_t>(i);
       parts[child] =
@@ -131,7 +131,7 @@ class OctreeBuilder {
   }
 
   /// Puts the root of a part into its place, and what lies below behind all that there is.
-  static void append(const Part& part, uint32_t place, Part& out) {
+  static void append(const Subtree& part, uint32_t place, Subtree& out) {
     const auto nodes = static_cast<uint32_t>(out.nodes.size()) - 1;
     const auto references = static_cast<uint32_t>(out.references.size());
     for (size_t i = 0; i < part.nodes.size(); ++i) {
@@ -182,7 +182,7 @@ void build_octree(const MeshView& mesh, const uniform::OctreeConfig& config,
   if (count > kMaxReferences)
     throw Error(ErrorCode::kUnsupported, std::to_string(count) + " triangles are more than the " +
                                              std::to_string(kMaxReferences) + " supported");
-  Part part;
+  Subtree part;
   data.compact = config.compact;
   if (count > 0) {
     for (const uint32_t triangle : triangles)

@@ -8,12 +8,16 @@
 namespace umbel {
 namespace {
 
-struct Plain {};
+struct PlainUniform {};
 
 }  // namespace
 
-const RayKernels* portable_grid_kernels() { return grid_kernels<PlainTriangles<Plain>>(); }
-const RayKernels* portable_octree_kernels() { return octree_kernels<PlainTriangles<Plain>>(); }
-const RayKernels* portable_interval_kernels() { return interval_kernels<PlainTriangles<Plain>>(); }
+const RayKernels* portable_grid_kernels() { return grid_kernels<PlainTriangles<PlainUniform>>(); }
+const RayKernels* portable_octree_kernels() {
+  return octree_kernels<PlainTriangles<PlainUniform>>();
+}
+const RayKernels* portable_interval_kernels() {
+  return interval_kernels<PlainTriangles<PlainUniform>>();
+}
 
 }  // namespace umbel

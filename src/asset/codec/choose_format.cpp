@@ -7,7 +7,7 @@ namespace umbel::asset {
 namespace {
 
 // Integers up to this are exact as floats.
-constexpr float kMostSteps = 0x1p24f;
+constexpr float kExactSteps = 0x1p24f;
 // Weights of joints are stored exactly where texture coordinates are, else as multiples of this.
 constexpr float kWeightStep = 0x1p-14f;
 
@@ -24,7 +24,7 @@ bool is_power_of_two(float f) {
 
 bool is_on_grid(float value, float step) {
   const float steps = value / step;
-  return std::fabs(steps) <= kMostSteps && std::nearbyint(steps) == steps;
+  return std::fabs(steps) <= kExactSteps && std::nearbyint(steps) == steps;
 }
 
 ValueRange range_of(const auto& for_each) {
@@ -46,7 +46,7 @@ AttributeFormat positions_of(const StreamStatistics& streams, float step) {
 /// The requested step, or the next larger power of two that the largest value needs.
 AttributeFormat on_grid_of(uint32_t attribute, uint32_t set, const ValueRange& range, float step) {
   if (step == 0 || !range.is_finite) return {attribute, Coding::kFloats, 0, 0, set};
-  while (range.largest / step > kMostSteps) step *= 2;
+  while (range.largest / step > kExactSteps) step *= 2;
   return {attribute, Coding::kGrid, 0, step, set};
 }
 

@@ -9,7 +9,7 @@ namespace umbel::asset {
 namespace {
 
 /// One past the last active edge of a cluster, and one more for closed edges.
-constexpr uint16_t kNoActiveEdge = 3 * kMaxLocal + 1;
+constexpr uint16_t kNoEdgeInCluster = 3 * kMaxLocal + 1;
 
 /// Where each symbol is among the words of each code; kWords.size() where it is not.
 constexpr std::array<uint8_t, kSymbols> encoding_table() {
@@ -31,11 +31,11 @@ struct ActiveEdge {
 class Front {
  public:
   Front() {
-    from_.fill(kNoActiveEdge);
-    into_.fill(kNoActiveEdge);
+    from_.fill(kNoEdgeInCluster);
+    into_.fill(kNoEdgeInCluster);
     open_.fill(0);
     // No vertex has this number, so tests of no active edge fail.
-    edges_[kNoActiveEdge] = {0xffff, 0xffff, 0xffff, 0xffff};
+    edges_[kNoEdgeInCluster] = {0xffff, 0xffff, 0xffff, 0xffff};
   }
 
   /// The first open active edge, closed; false if there is none.
@@ -81,14 +81,14 @@ class Front {
   void forget(uint32_t active) {
     uint16_t& from = from_[edges_[active].a];
     uint16_t& into = into_[edges_[active].b];
-    from = from == active ? kNoActiveEdge : from;
-    into = into == active ? kNoActiveEdge : into;
+    from = from == active ? kNoEdgeInCluster : from;
+    into = into == active ? kNoEdgeInCluster : into;
   }
 
   // A triangle opens three active edges at most.
-  std::array<ActiveEdge, kNoActiveEdge + 1> edges_;
+  std::array<ActiveEdge, kNoEdgeInCluster + 1> edges_;
   std::array<uint16_t, kMaxLocal> from_, into_;
-  std::array<uint64_t, kNoActiveEdge / 64 + 1> open_;
+  std::array<uint64_t, kNoEdgeInCluster / 64 + 1> open_;
   // The word of open_ that has the first open active edge, in a variable of its own: a register.
   uint64_t head_ = 0;
   uint32_t word_ = 0, count_ = 0;
@@ -139,9 +139,10 @@ class EdgeTable {
   std::array<uint16_t, size_t{3} * kMaxLocal> edge_of_corner_;  // of each corner's edge
 };
 
-class Encoder {
+class ConnectivityEncoder {
  public:
-  Encoder(std::span<const uint8_t> triangles, uint32_t vertices, std::span<const int32_t> values)
+  ConnectivityEncoder(std::span<const uint8_t> triangles, uint32_t vertices,
+                      std::span<const int32_t> values)
       : triangles_(triangles),
         edges_(triangles, vertices),
         seeds_(triangles, values, vertices),
@@ -299,7 +300,7 @@ class Encoder {
 
 Traversal encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices,
                            std::span<const int32_t> values, BitWriter& out) {
-  return Encoder(triangles, vertices, values).run(out);
+  return ConnectivityEncoder(triangles, vertices, values).run(out);
 }
 
 }  // namespace umbel::asset

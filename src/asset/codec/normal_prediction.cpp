@@ -8,10 +8,10 @@
 namespace umbel::asset {
 namespace {
 
-using Lanes = int32_t __attribute__((vector_size(16)));
+using SignedLanes = int32_t __attribute__((vector_size(16)));
 using Unsigned = uint32_t __attribute__((vector_size(16)));
 
-Unsigned load(const int32_t* from) {
+Unsigned load_unsigned(const int32_t* from) {
   Unsigned lanes;
   std::memcpy(&lanes, from, sizeof(lanes));
   return lanes;
@@ -48,10 +48,10 @@ void predict_normals(const int32_t* integers, uint32_t stride, std::span<const u
   std::fill_n(sums.begin(), vertices, Unsigned{});
   for (size_t t = 0; t < triangles.size(); t += 3) {
     const uint32_t a = triangles[t], b = triangles[t + 1], c = triangles[t + 2];
-    const Unsigned corner = load(integers + size_t{a} * stride);
+    const Unsigned corner = load_unsigned(integers + size_t{a} * stride);
     const auto edge = [&](uint32_t end) {
-      const Unsigned difference = load(integers + size_t{end} * stride) - corner;
-      return reinterpret_cast<Unsigned>(reinterpret_cast<Lanes>(difference) >>
+      const Unsigned difference = load_unsigned(integers + size_t{end} * stride) - corner;
+      return reinterpret_cast<Unsigned>(reinterpret_cast<SignedLanes>(difference) >>
                                         static_cast<int32_t>(shift));
     };
     const Unsigned area = cross(edge(b), edge(c));
@@ -60,7 +60,7 @@ void predict_normals(const int32_t* integers, uint32_t stride, std::span<const u
     sums[c] += area;
   }
   for (uint32_t i = 0; i < vertices; ++i) {
-    const Lanes sum = reinterpret_cast<Lanes>(sums[i]);
+    const SignedLanes sum = reinterpret_cast<SignedLanes>(sums[i]);
     const double x = sum[0], y = sum[1], z = sum[2];
     const double length = std::fabs(x) + std::fabs(y) + std::fabs(z);
     const double scale = length > 0 ? steps / length : 0;

@@ -9,7 +9,7 @@ namespace {
 
 /// How many vertices at a position are tried, and how far is looked along their borders: more make
 /// no file smaller.
-constexpr uint32_t kMostTried = 16, kMostSteps = 64;
+constexpr uint32_t kMostTried = 16, kMostPassed = 64;
 
 /// Calls `step` with the later and the earlier of two vertices, while it is true, from behind `v`
 /// and `u` on: along their borders, which run in opposite directions.
@@ -76,7 +76,7 @@ class ClusterTwins {
     uint32_t steps = 0;
     for (const bool forward : {true, false})
       follow_twins(borders_, vertex, twin, forward, [&](uint32_t later, uint32_t earlier) {
-        return !is_known(later) && is_same(later, earlier) && ++steps < kMostSteps;
+        return !is_known(later) && is_same(later, earlier) && ++steps < kMostPassed;
       });
     return steps;
   }

@@ -6,7 +6,7 @@ namespace umbel::asset {
 namespace {
 
 /// Beyond so many times the edge or the triangle behind it, the map is not trusted.
-constexpr float kMostSteps = 4;
+constexpr float kMostStretch = 4;
 
 using Vector4 = std::array<Float4, 3>;  // of four vertices, by component
 
@@ -16,7 +16,7 @@ Float4 dot(const Vector4& a, const Vector4& b) { return a[0] * b[0] + a[1] * b[1
 
 void map_positions(const int32_t* integers, uint32_t stride, std::span<const Predictors> predictors,
                    std::span<const uint8_t> vertices, UvMap& out) {
-  const Float4 zero = splat(0.0f), most = splat(kMostSteps);
+  const Float4 zero = splat(0.0f), most = splat(kMostStretch);
   for (size_t begin = 0; begin < vertices.size(); begin += 4) {
     std::array<Predictors, 4> from;
     std::array<uint8_t, 4> of;

@@ -40,7 +40,7 @@ int best_damping(const ClusterVertices& in) {
 }
 
 /// What predicts an attribute's values.
-enum class Prediction { kVertices, kTriangles, kPositions };
+enum class PredictedBy { kVertices, kTriangles, kPositions };
 
 /// An attribute of a cluster's vertices: what is left of them once they are predicted.
 class AttributeEncoder {
@@ -51,9 +51,9 @@ class AttributeEncoder {
     remainders_.resize(size() * count_);
     for (size_t v = 0; v < size(); ++v)
       if (in_.is_own(v)) predict(v);
-    choose(remainders_, Prediction::kVertices);
+    choose(remainders_, PredictedBy::kVertices);
     if (may_be_geometric(format) && predict_by_triangles())
-      choose(geometric_, Prediction::kTriangles);
+      choose(geometric_, PredictedBy::kTriangles);
     if (may_be_mapped(format, ranges)) predict_by_positions();
   }
 
@@ -153,7 +153,7 @@ class AttributeEncoder {
         is_mirrored_ = is_mirrored;
       }
     }
-    choose(mapped_, Prediction::kPositions);
+    choose(mapped_, PredictedBy::kPositions);
   }
 
   bool is_as_twin(size_t v) const {
@@ -163,7 +163,7 @@ class AttributeEncoder {
   }
 
   /// Takes the best rule of twins for these remainders, if it beats what was chosen before.
-  void choose(std::span<const uint32_t> remainders, Prediction by) {
+  void choose(std::span<const uint32_t> remainders, PredictedBy by) {
     size_t twins = 0, same = 0;
     for (size_t v = 0; v < size(); ++v)
       if (in_.is_own(v) && in_.has_twin(v)) ++twins, same += is_as_twin(v);
@@ -172,13 +172,13 @@ class AttributeEncoder {
     if (same > 0) consider(TwinRule::kFlags, remainders, by);
   }
 
-  void consider(TwinRule rule, std::span<const uint32_t> remainders, Prediction by) {
-    const bool geometric = by == Prediction::kTriangles;
+  void consider(TwinRule rule, std::span<const uint32_t> remainders, PredictedBy by) {
+    const bool geometric = by == PredictedBy::kTriangles;
     AttributeCode code;
     code.twins = rule;
     code.is_geometric = geometric;
     code.shift = shift_;
-    code.is_mapped = by == Prediction::kPositions;
+    code.is_mapped = by == PredictedBy::kPositions;
     code.is_mirrored = is_mirrored_;
     std::vector<ComponentChoices>& choices = choices_;
     choices.clear();

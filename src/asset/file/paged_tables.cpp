@@ -13,7 +13,7 @@
 namespace umbel::asset {
 namespace {
 
-constexpr uint32_t kBatch = 32;  // pages
+constexpr uint32_t kPagesAtOnce = 32;  // pages
 
 /// What a group must be for all references to it to hold; never 0.
 uint64_t digest_of(uint32_t page, float error, const Sphere& sphere) {
@@ -100,9 +100,9 @@ std::vector<GroupTables> read_group_tables(const Asset& asset, Progress& progres
   for (uint32_t m = 0; m < collectors.size(); ++m)
     for (const GroupRef& root : asset.roots(m)) collectors[m].refer(root);
   const uint32_t pages = asset.info().pages;
-  for (uint32_t begin = 0; begin < pages; begin += kBatch) {
+  for (uint32_t begin = 0; begin < pages; begin += kPagesAtOnce) {
     progress.report(share * begin / pages, "reading pages");
-    const uint32_t count = std::min(kBatch, pages - begin);
+    const uint32_t count = std::min(kPagesAtOnce, pages - begin);
     std::vector<std::optional<AssetPage>> batch(count);
     std::vector<std::string> problems(count);
     parallel_for(count, 1, [&](size_t i) {

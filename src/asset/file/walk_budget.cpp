@@ -9,13 +9,12 @@
 
 #include "asset/file/coarse_groups.hpp"
 #include "asset/file/follow_reference.hpp"
+#include "base/math.hpp"
 #include "lod/select/turning_point.hpp"
 #include "umbel/asset.hpp"
 
 namespace umbel {
 namespace {
-
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 /// What refining groups changes. A page that was read stays, without its bytes.
 class Costs {

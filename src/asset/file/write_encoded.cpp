@@ -16,6 +16,7 @@
 #include "asset/instances/tree_file.hpp"
 #include "base/hash.hpp"
 #include "base/math.hpp"
+#include "base/refuse.hpp"
 
 namespace umbel::asset {
 namespace {
@@ -24,10 +25,6 @@ constexpr uint64_t kMaxPageBytes = 1u << 30, kPageSizeStep = 4096;
 // Numbers of materials may be floats; whole ones are exact up to here.
 constexpr uint32_t kMostFirstMaterial = 1u << 24;
 constexpr uint32_t kPagesAReport = 64;
-
-[[noreturn]] void refuse(const std::string& sentence) {
-  throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 /// Appends to one of the header's tables what is one mesh's, and returns where it is.
 template <typename Element>

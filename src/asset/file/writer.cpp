@@ -10,19 +10,16 @@
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "base/refuse.hpp"
 #include "lod/verify/table_structure.hpp"
 
 namespace umbel {
 namespace asset {
 namespace {
 
-constexpr size_t kBatch = 256;  // groups
+constexpr size_t kGroupsAtOnce = 256;  // groups
 // What encoding takes of all work.
 constexpr double kEncoding = 0.9;
-
-[[noreturn]] void refuse(const std::string& sentence) {
-  throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 template <typename Vector>
 void check_stream(const char* name, const std::vector<Vector>& stream, size_t vertices) {
@@ -117,9 +114,9 @@ EncodedMesh describe(const lod::Dag& dag, const AssetConfig& config) {
   return made;
 }
 
-class Encoder {
+class ChunkEncoder {
  public:
-  Encoder(const AssetContents& contents, const AssetConfig& config, Progress& progress)
+  ChunkEncoder(const AssetContents& contents, const AssetConfig& config, Progress& progress)
       : contents_(contents), progress_(progress) {
     for (const lod::Dag* dag : contents.meshes) {
       meshes_.push_back(describe(*dag, config));
@@ -131,10 +128,10 @@ class Encoder {
     size_t all = 0, done = 0;
     for (const EncodedMesh& mesh : meshes_) all += mesh.groups.size();
     for (uint32_t m = 0; m < meshes_.size(); ++m)
-      for (size_t begin = 0; begin < meshes_[m].groups.size(); begin += kBatch) {
+      for (size_t begin = 0; begin < meshes_[m].groups.size(); begin += kGroupsAtOnce) {
         progress_.report(kEncoding * static_cast<double>(done) / static_cast<double>(all),
                          "writing");
-        const size_t count = std::min(kBatch, meshes_[m].groups.size() - begin);
+        const size_t count = std::min(kGroupsAtOnce, meshes_[m].groups.size() - begin);
         parallel_for(count, 1, [&](size_t i) { encode(m, static_cast<uint32_t>(begin + i)); });
         done += count;
       }
@@ -183,7 +180,7 @@ uint64_t write_asset(const std::filesystem::path& path, const AssetContents& con
   OutputFile file(path);
   uint64_t bytes = 0;
   with_threads(options.threads, [&] {
-    Encoder encoder(contents, config, progress);
+    ChunkEncoder encoder(contents, config, progress);
     encoder.encode();
     bytes = write_encoded(
         file, contents, encoder.take_meshes(), config.page_bytes,

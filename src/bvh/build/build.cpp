@@ -47,7 +47,7 @@ constexpr std::array kEntries{
     Entry{Builder::kInsertion, "insertion", build_insertion},
 };
 
-constexpr size_t kChunk = size_t{1} << 14;
+constexpr size_t kPrimitivesAtOnce = size_t{1} << 14;
 
 const Entry& entry_of(Builder builder) { return kEntries[static_cast<size_t>(builder)]; }
 
@@ -90,7 +90,7 @@ bool is_valid(const Aabb& b) { return is_finite(b.min) && is_finite(b.max) && !i
 
 void check_boxes(Boxes boxes) {
   const size_t bad =
-      first_where(boxes.size(), kChunk, [&](size_t i) { return !is_valid(boxes[i]); });
+      first_where(boxes.size(), kPrimitivesAtOnce, [&](size_t i) { return !is_valid(boxes[i]); });
   if (bad == boxes.size()) return;
   const Aabb& b = boxes[bad];
   throw Error(ErrorCode::kInvalidMesh,
@@ -99,11 +99,11 @@ void check_boxes(Boxes boxes) {
 }
 
 Aabb bounds_of(Boxes boxes) {
-  std::vector<Aabb> parts((boxes.size() + kChunk - 1) / kChunk);
-  parallel_chunks(boxes.size(), kChunk, [&](size_t begin, size_t end) {
+  std::vector<Aabb> parts((boxes.size() + kPrimitivesAtOnce - 1) / kPrimitivesAtOnce);
+  parallel_chunks(boxes.size(), kPrimitivesAtOnce, [&](size_t begin, size_t end) {
     Aabb part;
     for (size_t i = begin; i < end; ++i) extend(part, boxes[i]);
-    parts[begin / kChunk] = part;
+    parts[begin / kPrimitivesAtOnce] = part;
   });
   Aabb all;
   for (const Aabb& part : parts) extend(all, part);
@@ -119,10 +119,11 @@ Bvh2 run_builder(const MeshView* mesh, Boxes boxes, const Config& config, BuildP
 Bvh2 run_scaled(const MeshView* mesh, Boxes boxes, float scale, const Config& config,
                 BuildProgress& progress) {
   std::vector<Aabb> scaled_boxes(boxes.size());
-  parallel_for(boxes.size(), kChunk, [&](size_t i) { scaled_boxes[i] = scaled(boxes[i], scale); });
+  parallel_for(boxes.size(), kPrimitivesAtOnce,
+               [&](size_t i) { scaled_boxes[i] = scaled(boxes[i], scale); });
   if (!mesh) return run_builder(nullptr, scaled_boxes, config, progress);
   std::vector<Vec3> positions(mesh->positions.size());
-  parallel_for(positions.size(), kChunk,
+  parallel_for(positions.size(), kPrimitivesAtOnce,
                [&](size_t i) { positions[i] = mesh->positions[i] * scale; });
   MeshView scaled_mesh = *mesh;
   scaled_mesh.positions = positions;
@@ -217,7 +218,7 @@ auto build_triangles(const MeshView& mesh, const Config& config, const Build& bu
   const size_t count = mesh.triangles.size();
   const CpuBuffer<Aabb> boxes(count);
   const size_t bad =
-      first_where(count, kChunk, [&](size_t i) { return !find_box(mesh, i, boxes[i]); });
+      first_where(count, kPrimitivesAtOnce, [&](size_t i) { return !find_box(mesh, i, boxes[i]); });
   if (bad == count) return build(mesh, Boxes(boxes.data(), count));
   if (config.invalid == InvalidTriangles::kRefuse) refuse_triangle(mesh, bad);
   std::vector<uint32_t> kept;

@@ -13,7 +13,7 @@
 namespace umbel::bvh {
 namespace {
 
-void check_boxes(Boxes boxes) {
+void check_kmeans_boxes(Boxes boxes) {
   if (boxes.size() > kMaxPrimitives)
     throw Error(ErrorCode::kInvalidArgument,
                 std::to_string(boxes.size()) + " boxes are more than a tree can hold");
@@ -71,7 +71,7 @@ KaryTree build_kmeans_kary(std::span<const Aabb> boxes, const Config& config,
     throw Error(ErrorCode::kInvalidArgument, "kmeans.clusters is " +
                                                  std::to_string(config.kmeans.clusters) +
                                                  ", but must be from 2 to 64 in k-ary trees");
-  check_boxes(boxes);
+  check_kmeans_boxes(boxes);
   KaryTree tree;
   if (boxes.empty()) return tree;
   Progress progress(options);

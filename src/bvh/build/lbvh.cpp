@@ -10,18 +10,18 @@
 namespace umbel::bvh {
 namespace {
 
-constexpr size_t kChunk = size_t(1) << 14;
+constexpr size_t kCodesAtOnce = size_t(1) << 14;
 
 /// The box around the doubled centres.
 Aabb centers_of(Boxes boxes) {
-  std::vector<Box4> parts((boxes.size() + kChunk - 1) / kChunk);
-  parallel_chunks(boxes.size(), kChunk, [&](size_t begin, size_t end) {
+  std::vector<Box4> parts((boxes.size() + kCodesAtOnce - 1) / kCodesAtOnce);
+  parallel_chunks(boxes.size(), kCodesAtOnce, [&](size_t begin, size_t end) {
     Box4 part = Box4::empty();
     for (size_t i = begin; i < end; ++i) {
       const Float4 center = Box4::load(boxes[i]).center2();
       part.extend({center, -center});
     }
-    parts[begin / kChunk] = part;
+    parts[begin / kCodesAtOnce] = part;
   });
   Box4 all = Box4::empty();
   for (const Box4& part : parts) all.extend(part);
@@ -67,7 +67,7 @@ MortonOrder<CpuExec, Key> ordered(Boxes boxes, uint32_t bits) {
   const size_t n = boxes.size();
   MortonOrder<CpuExec, Key> order{exec.allocate<Key>(n), exec.allocate<uint32_t>(n)};
   const Coder<Key> code(MortonGrid::around(centers_of(boxes), bits));
-  parallel_chunks(n, kChunk, [&](size_t begin, size_t end) {
+  parallel_chunks(n, kCodesAtOnce, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       order.codes[i] = code(boxes[i]);
       order.primitives[i] = static_cast<uint32_t>(i);

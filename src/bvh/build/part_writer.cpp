@@ -10,7 +10,7 @@ namespace umbel::bvh {
 namespace {
 
 /// A child: a node above the parts, or ~part. And the node that it is in the tree.
-struct Step {
+struct ChildStep {
   uint32_t id, slot;
 };
 
@@ -66,7 +66,7 @@ class PartWriter {
   uint32_t reserve_for(const TreePart& part) {
     auto nodes = static_cast<uint32_t>(tree_.nodes.size());
     while (static_cast<int32_t>(steps_.back().id) >= 0) {
-      const Step step = steps_.back();
+      const ChildStep step = steps_.back();
       pairs_[step.id] = nodes;
       slots_[step.id] = step.slot;
       steps_.back() = {top_[step.id].right, nodes + 1};
@@ -96,7 +96,7 @@ class PartWriter {
 
   std::span<const TopNode> top_;
   std::vector<uint32_t> pairs_, slots_;  // of the nodes above: their children, themselves
-  std::vector<Step> steps_;              // what is still to be placed, the next one last
+  std::vector<ChildStep> steps_;         // what is still to be placed, the next one last
   MostNodes most_;
   const BuildPart& build_;
   Bvh2 tree_;

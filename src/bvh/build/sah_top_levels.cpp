@@ -11,7 +11,7 @@ namespace umbel::bvh {
 namespace {
 
 /// The merges above the clusters, and the clusters.
-struct Top {
+struct Merges {
   std::vector<uint32_t> merges;
   std::vector<Subtree> clusters;
   std::vector<Aabb> boxes;
@@ -19,8 +19,8 @@ struct Top {
   double area = 0;  ///< of the merges
 };
 
-Top find_top(const BigVector<Merge>& merges, Subtree root, Boxes boxes, uint32_t most) {
-  Top top;
+Merges find_top(const BigVector<Merge>& merges, Subtree root, Boxes boxes, uint32_t most) {
+  Merges top;
   std::vector<Subtree> open{root};
   while (!open.empty()) {
     const Subtree subtree = open.back();
@@ -53,7 +53,7 @@ double inner_area(const Bvh2& tree) {
 
 Subtree sah_top_levels(BigVector<Merge>& merges, Subtree root, Boxes boxes, uint32_t most,
                        const Config& config) {
-  const Top top = find_top(merges, root, boxes, most);
+  const Merges top = find_top(merges, root, boxes, most);
   if (top.clusters.size() < 3) return root;
   const Bvh2 by_sah = sweep_clusters(top.boxes, top.counts, config);
   if (inner_area(by_sah) >= top.area) return root;

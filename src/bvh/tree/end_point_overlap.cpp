@@ -19,7 +19,7 @@
 namespace umbel::bvh {
 namespace {
 
-constexpr size_t kChunk = 256;
+constexpr size_t kTrianglesAtOnce = 256;
 
 // Visits of one thread between two reports.
 constexpr size_t kUnreportedVisits = 1 << 16;
@@ -242,11 +242,11 @@ class Descent {
 Descent::Areas sum_of(const Descent& descent, const Homes& homes, size_t stride, double progress_to,
                       Progress& progress) {
   const size_t count = (homes.triangles.size() + stride - 1) / stride;
-  std::vector<Descent::Areas> sums((count + kChunk - 1) / kChunk);
+  std::vector<Descent::Areas> sums((count + kTrianglesAtOnce - 1) / kTrianglesAtOnce);
   SharedProgress shared(progress, kStage, 0, progress_to, count, SharedProgress::OnCancel::kThrow);
-  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+  parallel_chunks(count, kTrianglesAtOnce, [&](size_t begin, size_t end) {
     Descent own = descent;
-    Descent::Areas& sum = sums[begin / kChunk];
+    Descent::Areas& sum = sums[begin / kTrianglesAtOnce];
     size_t reported = begin, visits = 0;
     for (size_t i = begin; i < end; ++i) {
       sum.add(own(homes.triangles[i * stride]));

@@ -15,9 +15,9 @@ struct Target {
   uint32_t node, below, primitive;
 };
 
-class Layout {
+class MergeLayout {
  public:
-  Layout(const BigVector<Merge>& merges, Boxes boxes, Bvh2& tree)
+  MergeLayout(const BigVector<Merge>& merges, Boxes boxes, Bvh2& tree)
       : merges_(merges), boxes_(boxes), tree_(tree) {}
 
   /// Writes the nodes of at least `grain` primitives, and returns what lies below them.
@@ -83,7 +83,7 @@ Bvh2 emit(const BigVector<Merge>& merges, Subtree root, Boxes boxes) {
   Bvh2 tree;
   tree.nodes.resize(2 * boxes.size() - 1);
   tree.primitives.resize(boxes.size());
-  Layout layout(merges, boxes, tree);
+  MergeLayout layout(merges, boxes, tree);
   constexpr uint32_t kGrain = 4096;
   const std::vector<Target> subtrees = layout.top({root, 0, 1, 0}, kGrain);
   parallel_for(subtrees.size(), 1, [&](size_t i) { layout.all(subtrees[i]); });

@@ -20,7 +20,7 @@
 namespace umbel {
 namespace {
 
-using Corners = std::array<Vec3, 3>;
+using TriangleCorners = std::array<Vec3, 3>;
 
 constexpr uint32_t kMaxWidth = 8;
 constexpr size_t kTasks = 512;
@@ -50,7 +50,9 @@ class Placement {
     return {static_cast<float>(mapped(0, p)), static_cast<float>(mapped(1, p)),
             static_cast<float>(mapped(2, p))};
   }
-  Corners corners(const LeafTriangle& t) const { return {point(t.p0), point(t.p1), point(t.p2)}; }
+  TriangleCorners corners(const LeafTriangle& t) const {
+    return {point(t.p0), point(t.p1), point(t.p2)};
+  }
 
   /// Holds the maps of all points in a box.
   Aabb box(const Aabb& b) const {
@@ -84,22 +86,22 @@ class Placement {
 };
 
 /// A node or a leaf, and its box in the first mesh's space.
-struct Part {
+struct TreePart {
   uint32_t link;
   Aabb box;
 };
 struct PartPair {
-  Part first, second;
+  TreePart first, second;
   bool is_leaves() const { return BvhData::is_leaf(first.link) && BvhData::is_leaf(second.link); }
 };
 
 /// The children of a part, or a leaf itself.
 struct Parts {
-  Part at[kMaxWidth];
+  TreePart at[kMaxWidth];
   uint32_t count = 0;
 
   template <typename ToBox>
-  Parts(const BvhData& tree, const Part& part, const ToBox& to_box) {
+  Parts(const BvhData& tree, const TreePart& part, const ToBox& to_box) {
     if (BvhData::is_leaf(part.link)) {
       at[count++] = part;
       return;
@@ -216,11 +218,11 @@ class Collider {
   }
 
   struct PlacedTriangle {
-    Corners corners;
+    TriangleCorners corners;
     Aabb box;
     uint32_t primitive;
   };
-  static PlacedTriangle placed(const Corners& corners, uint32_t primitive) {
+  static PlacedTriangle placed(const TriangleCorners& corners, uint32_t primitive) {
     PlacedTriangle result{corners, {}, primitive};
     for (const Vec3& corner : corners) extend(result.box, corner);
     return result;

@@ -12,15 +12,15 @@
 namespace umbel {
 namespace {
 
-constexpr ContainerKind kKind{".umbvh", {'\x89', 'U', 'B', 'V', 'H', '\r', '\n', '\x1a'}, 1, 1};
-constexpr uint32_t kCompact = 1, kMasked = 2, kRepeats = 4, kQuantised = 8;
+constexpr ContainerKind kUmbvh{".umbvh", {'\x89', 'U', 'B', 'V', 'H', '\r', '\n', '\x1a'}, 1, 1};
+constexpr uint32_t kCompactBvh = 1, kMaskedBvh = 2, kRepeats = 4, kQuantised = 8;
 
 ContainerFields encode(const BvhData& data) {
   ContainerFields fields{};
   ByteWriter out(fields);
   out.u32(data.width), out.u32(data.max_depth);
   out.u32(data.triangle_count), out.u32(data.leaf_count), out.u32(data.reference_count);
-  out.u32((data.compact ? kCompact : 0) | (data.masked ? kMasked : 0) |
+  out.u32((data.compact ? kCompactBvh : 0) | (data.masked ? kMaskedBvh : 0) |
           (data.repeats ? kRepeats : 0) | (data.quantised ? kQuantised : 0));
   out.f32(data.cost.traversal), out.f32(data.cost.intersection);
   out.u64(std::bit_cast<uint64_t>(data.sah_cost));
@@ -30,14 +30,15 @@ ContainerFields encode(const BvhData& data) {
 }
 
 /// All but the arrays.
-BvhData decode(const ContainerFields& fields) {
+BvhData decode_bvh(const ContainerFields& fields) {
   ByteReader in(fields);
   BvhData data;
   data.width = in.u32(), data.max_depth = in.u32();
   data.triangle_count = in.u32(), data.leaf_count = in.u32(), data.reference_count = in.u32();
   const uint32_t flags = in.u32();
-  if (flags > (kCompact | kMasked | kRepeats | kQuantised)) corrupt("the header has unknown flags");
-  data.compact = (flags & kCompact) != 0, data.masked = (flags & kMasked) != 0;
+  if (flags > (kCompactBvh | kMaskedBvh | kRepeats | kQuantised))
+    corrupt("the header has unknown flags");
+  data.compact = (flags & kCompactBvh) != 0, data.masked = (flags & kMaskedBvh) != 0;
   data.repeats = (flags & kRepeats) != 0, data.quantised = (flags & kQuantised) != 0;
   data.cost.traversal = in.f32(), data.cost.intersection = in.f32();
   data.sah_cost = std::bit_cast<double>(in.u64());
@@ -191,9 +192,9 @@ void check_tree(const BvhData& data) {
   TreeChecker(data).run();
 }
 
-BvhData read_file(const std::string& path) {
-  const ContainerFile file(path, kKind);
-  BvhData data = decode(file.fields());
+BvhData read_umbvh(const std::string& path) {
+  const ContainerFile file(path, kUmbvh);
+  BvhData data = decode_bvh(file.fields());
   check_header(data, file);
   data.nodes.resize(file.bytes(0) / 4);
   data.leaves.resize(file.bytes(1) / 4);
@@ -210,12 +211,12 @@ void Bvh::save(const std::string& path) const {
   const Data& d = data();
   BigVector<uint32_t> nodes = d.nodes;
   change_links(d, nodes, [&](uint32_t& link) { link = d.linked_node(link); });
-  write_container(path, kKind, encode(d), container_bytes(nodes, d.leaves, d.vertices));
+  write_container(path, kUmbvh, encode(d), container_bytes(nodes, d.leaves, d.vertices));
 }
 
 Bvh Bvh::load(const std::string& path, Simd simd) {
   Bvh result;
-  static_cast<BvhData&>(result.data()) = reading(path, [&] { return read_file(path); });
+  static_cast<BvhData&>(result.data()) = reading(path, [&] { return read_umbvh(path); });
   prepare_rays(result.data(), simd);
   return result;
 }

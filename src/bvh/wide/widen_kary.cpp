@@ -100,9 +100,9 @@ class Groups {
 };
 
 /// Lays out nodes depth-first, and says which primitives each leaf holds.
-class Emitter {
+class KaryEmitter {
  public:
-  Emitter(const KaryTree& tree, const Groups& groups, BvhData& out)
+  KaryEmitter(const KaryTree& tree, const Groups& groups, BvhData& out)
       : tree_(tree), groups_(groups), out_(out) {
     const KaryNode& root = tree.nodes[0];
     work_.push_back({root.is_leaf() ? Members{0} : children_of(root), 0, 0, {}, kNone, 0, 1});
@@ -202,7 +202,7 @@ BvhData widened(const KaryTree& tree, const MeshView& mesh, const WidenOptions& 
   if (tree.nodes.empty()) return out;
   out.bounds = tree.nodes[0].box();
   const Groups groups(tree, options.width, even);
-  const Emitter emitter(tree, groups, out);
+  const KaryEmitter emitter(tree, groups, out);
   check_size(out);
   const std::vector<uint32_t>& order = emitter.order();
   out.leaf_count = static_cast<uint32_t>(emitter.leaves().size());

@@ -15,12 +15,12 @@ namespace {
 constexpr float kNodeCost = 1.0f, kLeafCost = 0.5f, kTriangleCost = 0.06f;
 
 /// What a binary node's subtree costs as at most 1 to 4 and 5 to 8 children.
-struct Costs {
+struct SubtreeCosts {
   Float4 few, many;
 };
 
-/// Costs of one child more each; `first` is the new first one.
-Costs shifted(const Costs& costs, Float4 first) {
+/// SubtreeCosts of one child more each; `first` is the new first one.
+SubtreeCosts shifted(const SubtreeCosts& costs, Float4 first) {
   return {__builtin_shufflevector(first, costs.few, 0, 4, 5, 6),
           __builtin_shufflevector(costs.few, costs.many, 3, 4, 5, 6)};
 }
@@ -50,7 +50,7 @@ class Planner {
   static constexpr float kNever = std::numeric_limits<float>::infinity();
 
   /// As deep as the tree, whose depth is bounded.
-  Costs plan(uint32_t index, uint32_t depth) {
+  SubtreeCosts plan(uint32_t index, uint32_t depth) {
     const bvh::Node& node = tree_.nodes[index];
     WidePlan& p = plans_[index];
     const float area = half_area(node.box());
@@ -59,7 +59,7 @@ class Planner {
       const Float4 cost = splat(leaf_cost(area, node.count));
       return {cost, cost};
     }
-    Costs left, right;
+    SubtreeCosts left, right;
     const auto plan_left = [&] { left = plan(node.first, depth + 1); };
     const auto plan_right = [&] { right = plan(node.first + 1, depth + 1); };
     if (depth < kSharedLevels) {
@@ -73,7 +73,7 @@ class Planner {
         std::min<uint32_t>(on_left.primitives + on_right.primitives, kTooMany));
     p.parts = static_cast<uint8_t>(std::min<uint32_t>(on_left.parts + on_right.parts, kMaxWidth));
     ShareLanes shares;
-    const Costs apart = distribute(left, right, on_left.parts, on_right.parts, shares);
+    const SubtreeCosts apart = distribute(left, right, on_left.parts, on_right.parts, shares);
     // One child: a node of its own, or a leaf.
     std::array<float, kMaxWidth> numbers;
     std::memcpy(numbers.data(), &apart, sizeof numbers);
@@ -87,9 +87,9 @@ class Planner {
     }
     // Only one child can cost less than more of them do, so only that is compared.
     const Float4 as_one = splat(one);
-    const Costs costs{__builtin_shufflevector(as_one, min4(apart.few, as_one), 0, 5, 6, 7),
-                      min4(apart.many, as_one)};
-    const Costs before = shifted(costs, as_one);
+    const SubtreeCosts costs{__builtin_shufflevector(as_one, min4(apart.few, as_one), 0, 5, 6, 7),
+                             min4(apart.many, as_one)};
+    const SubtreeCosts before = shifted(costs, as_one);
     shares.few &= Int4(apart.few < before.few);
     shares.many &= Int4(apart.many < before.many);
     p.left_share = bytes_of(shares);
@@ -98,22 +98,22 @@ class Planner {
   }
 
   /// What two children and more cost, and how many of them best go to the left.
-  static Costs distribute(const Costs& left, const Costs& right, uint32_t left_parts,
-                          uint32_t right_parts, ShareLanes& shares) {
+  static SubtreeCosts distribute(const SubtreeCosts& left, const SubtreeCosts& right,
+                                 uint32_t left_parts, uint32_t right_parts, ShareLanes& shares) {
     const Float4 never = splat(kNever);
     const Int4 one{1, 1, 1, 1};
     shares = ShareLanes{one, one};
     // A binary leaf is one child whatever room there is, and the other side takes what is left.
     if (left_parts == 1 || right_parts == 1) {
       if (left_parts > 1) shares = ShareLanes{Int4{0, 1, 2, 3}, Int4{4, 5, 6, 7}};
-      const Costs rest = shifted(left_parts > 1 ? left : right, never);
+      const SubtreeCosts rest = shifted(left_parts > 1 ? left : right, never);
       const Float4 leaf = left_parts > 1 ? right.few : left.few;
       return {rest.few + leaf, rest.many + leaf};
     }
     // All numbers of children at once, for one number that goes to the left after the other.
     std::array<float, kMaxWidth> lefts;
     std::memcpy(lefts.data(), &left, sizeof lefts);
-    Costs best{never, never}, rest = right;
+    SubtreeCosts best{never, never}, rest = right;
     const uint32_t most = std::min(left_parts, kMaxWidth - 1);
     for (uint32_t k = 1; k <= most; ++k) {
       rest = shifted(rest, never);

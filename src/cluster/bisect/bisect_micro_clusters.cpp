@@ -19,7 +19,7 @@ constexpr uint32_t kGroup = 16;          ///< micro-clusters that stand for one
 constexpr size_t kFewGroups = 64;        ///< too few to choose from
 constexpr uint32_t kMostRoundings = 4;   ///< one inside another
 
-struct Node {
+struct MicroNode {
   const MicroCluster* begin;
   const MicroCluster* end;
   uint32_t offset, count;  ///< of the items
@@ -63,45 +63,46 @@ bool is_before(const ShortBox& a, const ShortBox& b, int axis) {
 }
 
 // Bisects one node and all below it: while it is large by groups, then by micro-clusters.
-class Splitter {
+class MicroSplitter {
  public:
-  Splitter(const Target& target, uint32_t roundings) : target_(target), roundings_(roundings) {}
+  MicroSplitter(const Target& target, uint32_t roundings)
+      : target_(target), roundings_(roundings) {}
 
   // A node of groups.
-  void run(const Node& node) {
+  void run(const MicroNode& node) {
     if (node.count < kParallel || size_t(node.end - node.begin) < kFewGroups || node.depth == 0)
       return run_alone(node);
     const Choice choice = target_.bins.cheapest(node.begin, node.end, node.count, node.centers);
     if (choice.axis < 0 || choice.position != choice.before) return run_alone(node);
     const size_t count = size_t(node.end - node.begin);
     std::vector<MicroCluster> copy(count + 1);
-    Node left, right;
+    MicroNode left, right;
     {
       std::vector<MicroCluster> spare(count + 1), between(count + 1);
       origin_ = copy.data();
       spare_ = spare.data();
       between_ = between.data();
       std::copy(node.begin, node.end, copy.begin());
-      Node own = node;
+      MicroNode own = node;
       own.begin = copy.data();
       own.end = own.begin + count;
       separate(own, choice, left, right);
     }
-    parallel_invoke([&] { Splitter(target_, roundings_).run(left); },
-                    [&] { Splitter(target_, roundings_).run(right); });
+    parallel_invoke([&] { MicroSplitter(target_, roundings_).run(left); },
+                    [&] { MicroSplitter(target_, roundings_).run(right); });
   }
 
  private:
   // A split within a micro-cluster makes one more: at most one a level at any time, as the left
   // side lies behind the right and is gone when that is split.
-  void run_alone(const Node& node) {
+  void run_alone(const MicroNode& node) {
     size_t count = 0;
     for (const MicroCluster* group = node.begin; group < node.end; ++group)
       count += group->part_count;
     const size_t room = count + node.depth + 1;
     std::vector<MicroCluster> micros(room), spare(room), between(room);
     MicroCluster* to = micros.data();
-    Node own = node;
+    MicroNode own = node;
     own.centers = empty_short_box();
     for (const MicroCluster* group = node.begin; group < node.end; ++group)
       to = std::copy_n(group->parts, group->part_count, to);
@@ -115,18 +116,18 @@ class Splitter {
     target_.done(node.count);
   }
 
-  void split(const Node& node) {
+  void split(const MicroNode& node) {
     if (node.count <= target_.segment.constraints.config.max_items) return finish(node, true);
     if (node.depth == 0) return finish(node, false);
     const Choice choice = target_.bins.cheapest(node.begin, node.end, node.count, node.centers);
     if (choice.axis < 0) return finish(node, false);
-    Node left, right;
+    MicroNode left, right;
     separate(node, choice, left, right);
     split(left);
     split(right);
   }
 
-  void finish(const Node& node, bool is_leaf) const {
+  void finish(const MicroNode& node, bool is_leaf) const {
     uint32_t* to = target_.segment.items + node.offset;
     for (const MicroCluster* micro = node.begin; micro < node.end; ++micro)
       to = write_items(*micro, to);
@@ -139,7 +140,7 @@ class Splitter {
   }
 
   // The right side comes first in memory.
-  void separate(const Node& node, const Choice& choice, Node& left, Node& right) {
+  void separate(const MicroNode& node, const Choice& choice, MicroNode& left, MicroNode& right) {
     MicroCluster* micros = origin_ + (node.begin - origin_);
     MicroCluster* spare = spare_ + (node.begin - origin_);
     Sides sides;
@@ -162,8 +163,8 @@ class Splitter {
   };
 
   template <bool kThroughBin>
-  void divide(const Node& node, const Choice& choice, MicroCluster* micros, MicroCluster* spare,
-              Sides& sides) {
+  void divide(const MicroNode& node, const Choice& choice, MicroCluster* micros,
+              MicroCluster* spare, Sides& sides) {
     size_t l = 0, r = 0, b = 0;
     ShortBox left_centers = empty_short_box(), right_centers = left_centers;
     for (const MicroCluster* m = node.begin; m < node.end; ++m) {
@@ -272,15 +273,15 @@ void bisect(const Target& target, uint32_t offset, uint32_t count, const Box4& b
   if ((set.groups.empty() || few) && set.coincident.size() < 2) return target.exact(offset, count);
   bisect_coincident(target, set, offset, others, roundings);
   if (few) return;
-  Node root{set.groups.data(),
-            set.groups.data() + set.groups.size(),
-            offset,
-            others,
-            2 * uint32_t(std::bit_width(count)) + 8,
-            empty_short_box()};
+  MicroNode root{set.groups.data(),
+                 set.groups.data() + set.groups.size(),
+                 offset,
+                 others,
+                 2 * uint32_t(std::bit_width(count)) + 8,
+                 empty_short_box()};
   for (const MicroCluster& group : set.groups)
     root.centers = join(root.centers, centers_of(group.box));
-  Splitter(target, roundings).run(root);
+  MicroSplitter(target, roundings).run(root);
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ constexpr uint32_t kSampledItems = 1 << 11;    ///< of a node, about
 constexpr size_t kLeastCells = 1 << 6;         ///< in a sample, where there are as many
 constexpr uint32_t kSampledCorners = 1 << 14;  ///< of a node, at most about
 constexpr uint32_t kWindow = 1 << 10;          ///< items on each side of a plane, at least
-constexpr size_t kChunk = 1 << 13;             ///< items that one thread ranks
+constexpr size_t kRankedAtOnce = 1 << 13;      ///< items that one thread ranks
 constexpr size_t kAhead = 16;                  ///< items whose vertices are fetched early
 
 // One vertex in 2^k has at least this rank.
@@ -82,7 +82,7 @@ CellConnections::CellConnections(const Segment& segment)
 
 void CellConnections::rank_items(const Segment& segment) {
   ranks_.resize(size_t(last_item_ - first_item_) + 1);
-  parallel_chunks(segment.count, kChunk, [&](size_t begin, size_t end) {
+  parallel_chunks(segment.count, kRankedAtOnce, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       const uint32_t item = segment.items[i];
       const uint32_t* vertices = source_.vertices + size_t(item) * source_.arity;
@@ -111,7 +111,7 @@ bool CellConnections::locate(const CellSet& set, const CellExtent& extent, uint3
                              Float4& center, Int4& layers) const {
   if (item < first_item_ || item > last_item_) return false;
   const Box4 record = record_of(source_, item, set.scale);
-  center = center_of(source_, record, item, set.centroid_scale);
+  center = item_center(source_, record, item, set.centroid_scale);
   if (!set.mapping.holds(center)) return false;
   layers = set.mapping.position(center);
   for (int k = 0; k < 3; ++k)
@@ -210,7 +210,7 @@ CellConnections::Window CellConnections::window_near(const CellSet& set, const P
     for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i) {
       const uint32_t item = set.order[i];
       const Box4 record = record_of(source_, item, set.scale);
-      window.items.push_back({center_of(source_, record, item, set.centroid_scale)[axis], item});
+      window.items.push_back({item_center(source_, record, item, set.centroid_scale)[axis], item});
     }
   }
   narrow(set, position - window.before, window);
@@ -240,7 +240,7 @@ float CellConnections::gain(const CellSet& set, const CellExtent& extent, int ax
                             uint32_t item) const {
   const Connections& connections = source_.connections;
   const Box4 record = record_of(source_, item, set.scale);
-  const float own = center_of(source_, record, item, set.centroid_scale)[axis];
+  const float own = item_center(source_, record, item, set.centroid_scale)[axis];
   const Range& range = connections.ranges[item];
   float sum = 0;
   for (uint32_t k = range.offset; k < range.offset + range.count; ++k) {

@@ -49,8 +49,8 @@ inline Box4 record_of(const Source& source, uint32_t item, float scale) {
 
 /// A given centroid at `centroid_scale`, or the centre of the record. The record must have no tag:
 /// as a float that is a denormal number, and slow to multiply.
-inline Float4 center_of(const Source& source, const Box4& record, uint32_t item,
-                        float centroid_scale) {
+inline Float4 item_center(const Source& source, const Box4& record, uint32_t item,
+                          float centroid_scale) {
   if (source.centroids.empty()) return record.low * splat(0.5f) - record.negated_high * splat(0.5f);
   const Vec3& c = source.centroids[item];
   return Float4{c.x, c.y, c.z, 0} * splat(centroid_scale);

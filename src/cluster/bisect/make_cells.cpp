@@ -17,8 +17,8 @@ namespace umbel::cluster {
 namespace {
 
 constexpr uint32_t kMaxAxisBits = 12;
-constexpr size_t kChunk = 1 << 13;
-constexpr size_t kBatch = 64;  ///< items whose cells are fetched at the same time
+constexpr size_t kItemsAtOnce = 1 << 13;
+constexpr size_t kFetched = 64;  ///< items whose cells are fetched at the same time
 
 struct Bounds {
   Box4 boxes = Box4::empty(), centers = Box4::empty();
@@ -30,16 +30,16 @@ struct Bounds {
 
 // At the input's own scale.
 Bounds bounds_of(const Source& source, const uint32_t* items, uint32_t count) {
-  std::vector<Bounds> parts((count + kChunk - 1) / kChunk);
-  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+  std::vector<Bounds> parts((count + kItemsAtOnce - 1) / kItemsAtOnce);
+  parallel_chunks(count, kItemsAtOnce, [&](size_t begin, size_t end) {
     Bounds b;
     for (size_t i = begin; i < end; ++i) {
       const Box4 record = record_of(source, items[i], 1.0f);
-      const Float4 center = center_of(source, record, items[i], 1.0f);
+      const Float4 center = item_center(source, record, items[i], 1.0f);
       b.boxes.extend(record);
       b.centers.extend({center, -center});
     }
-    parts[begin / kChunk] = b;
+    parts[begin / kItemsAtOnce] = b;
   });
   Bounds all;
   for (const Bounds& b : parts) all.extend(b);
@@ -172,18 +172,18 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   set.mapping = grid.mapping();
   BigVector<uint32_t> codes(count);
   tbb::enumerable_thread_specific<Tally> tallies([&] { return Tally(bits); });
-  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+  parallel_chunks(count, kItemsAtOnce, [&](size_t begin, size_t end) {
     Tally& tally = tallies.local();
-    std::array<Box4, kBatch> records;
-    std::array<Int4, kBatch> positions;
-    std::array<uint32_t, kBatch> cells;
-    for (size_t first = begin; first < end; first += kBatch) {
-      const size_t n = std::min(kBatch, end - first);
+    std::array<Box4, kFetched> records;
+    std::array<Int4, kFetched> positions;
+    std::array<uint32_t, kFetched> cells;
+    for (size_t first = begin; first < end; first += kFetched) {
+      const size_t n = std::min(kFetched, end - first);
       for (size_t i = 0; i < n; ++i) {
         const uint32_t item = items[first + i];
         records[i] = record_of(source, item, set.scale);
         positions[i] =
-            set.mapping.position(center_of(source, records[i], item, set.centroid_scale));
+            set.mapping.position(item_center(source, records[i], item, set.centroid_scale));
         tally.prefetch(codes[first + i] = grid.code(positions[i]));
       }
       for (size_t i = 0; i < n; ++i) cells[i] = tally.find(codes[first + i], positions[i]);

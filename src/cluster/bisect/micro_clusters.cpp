@@ -13,8 +13,8 @@
 namespace umbel::cluster {
 namespace {
 
-constexpr size_t kChunk = 1 << 15;
-constexpr size_t kBatch = 1 << 8;  ///< items that go through several loops in a cache
+constexpr size_t kMicroItemsAtOnce = 1 << 15;
+constexpr size_t kCached = 1 << 8;  ///< items that go through several loops in a cache
 constexpr uint32_t kMostBits = 11;
 constexpr uint32_t kMostAxisBits = 8;
 constexpr uint32_t kItemsPerCell = 4;
@@ -223,7 +223,7 @@ class ManyItems {
         set_(set),
         cells_(1u << grid.bits()),
         // Few chunks, so that their counts cost little.
-        chunk_(std::max<size_t>(kChunk, (count + 63) / 64)),
+        chunk_(std::max<size_t>(kMicroItemsAtOnce, (count + 63) / 64)),
         codes_(count),
         next_((count + chunk_ - 1) / chunk_) {}
 
@@ -243,7 +243,7 @@ class ManyItems {
     // Runs of cells that are large enough to be worth a task.
     std::vector<uint32_t> tasks{0};
     for (uint32_t c = 1; c <= cells_; ++c)
-      if (begins[c] - begins[tasks.back()] >= kChunk || c == cells_) tasks.push_back(c);
+      if (begins[c] - begins[tasks.back()] >= kMicroItemsAtOnce || c == cells_) tasks.push_back(c);
     set_.micros.resize(tasks.size() - 1);
     std::vector<std::vector<MicroCluster>> groups(set_.micros.size()),
         coincident(set_.micros.size());
@@ -270,8 +270,8 @@ class ManyItems {
     std::vector<uint32_t> counts(2 * size_t(cells_), 0);
     Box4 all = Box4::empty();
     // Counts that wait for each other would hold up the boxes behind them in the same loop.
-    for (size_t from = begin; from < end; from += kBatch) {
-      const size_t to = std::min(from + kBatch, end);
+    for (size_t from = begin; from < end; from += kCached) {
+      const size_t to = std::min(from + kCached, end);
       for (size_t i = from; i < to; ++i) {
         const Box4 record = source_.record(items_[i]);
         all.extend(record);
@@ -325,15 +325,15 @@ bool suits_short_boxes(const Box4& bounds) {
 }
 
 Box4 box_of(const Source& source, const uint32_t* items, uint32_t count) {
-  std::vector<Box4> parts((count + kChunk - 1) / kChunk);
-  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+  std::vector<Box4> parts((count + kMicroItemsAtOnce - 1) / kMicroItemsAtOnce);
+  parallel_chunks(count, kMicroItemsAtOnce, [&](size_t begin, size_t end) {
     Box4 box = Box4::empty();
     for (size_t i = begin; i < end; ++i) {
       source.prefetch(items[std::min(i + 24, end - 1)]);
       source.prefetch_box(items[std::min(i + 8, end - 1)]);
       box.extend(source.record(items[i]));
     }
-    parts[begin / kChunk] = box;
+    parts[begin / kMicroItemsAtOnce] = box;
   });
   Box4 all = Box4::empty();
   for (const Box4& part : parts) all.extend(part);
@@ -349,7 +349,7 @@ MicroClusterSet make_micro_clusters(const Source& source, const uint32_t* items,
   };
   const Rounding rounding(bounds);
   MicroClusterSet set(count);
-  if (count <= kChunk) {
+  if (count <= kMicroItemsAtOnce) {
     const Box4 smallest = round_few(source, items, count, rounding, set.boxes.data());
     if (!same_box(smallest, bounds)) return make_within(smallest);
     make_of_few(sizes, count, set);

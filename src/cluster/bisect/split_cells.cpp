@@ -18,11 +18,11 @@ namespace umbel::cluster {
 namespace {
 
 constexpr int kBins = kCellBins;
-constexpr size_t kChunk = 1 << 13;  ///< cells that one thread bins
-constexpr size_t kFewCells = 8;     ///< too few to choose from: a finer grid is made
-constexpr uint32_t kMaxGrids = 8;   ///< one inside another
+constexpr size_t kCellsAtOnce = 1 << 13;  ///< cells that one thread bins
+constexpr size_t kFewCells = 8;           ///< too few to choose from: a finer grid is made
+constexpr uint32_t kMaxGrids = 8;         ///< one inside another
 
-struct Node {
+struct CellNode {
   Part part;
   uint32_t depth;
 };
@@ -51,11 +51,11 @@ struct Item {
   }
 };
 
-class Splitter {
+class CellSplitter {
  public:
   using Done = std::function<void(const CellSet&, const Part&)>;
 
-  Splitter(const Segment& segment, uint32_t most, const Done& done)
+  CellSplitter(const Segment& segment, uint32_t most, const Done& done)
       : source_(segment.source),
         constraints_(segment.constraints),
         connections_(segment),
@@ -70,7 +70,7 @@ class Splitter {
   }
 
  private:
-  void split(CellSet& set, Node node, uint32_t grids, bool is_whole) const {
+  void split(CellSet& set, CellNode node, uint32_t grids, bool is_whole) const {
     const uint32_t n = node.part.count;
     if (n <= most_) return done_(set, node.part);
     const CellExtent extent(node.part.cells);
@@ -78,15 +78,15 @@ class Splitter {
       return split_again(set, node, grids);
     if (extent.single()) return done_(set, node.part);
     const Choice choice = choose(set, node, extent);
-    Node left, right;
+    CellNode left, right;
     left.depth = right.depth = node.depth ? node.depth - 1 : 0;
     separate(set, node.part, choice, left.part, right.part);
     node.part.cells = {};
-    const auto go = [&](Node& side) { split(set, std::move(side), grids, false); };
+    const auto go = [&](CellNode& side) { split(set, std::move(side), grids, false); };
     parallel_invoke([&] { go(left); }, [&] { go(right); });
   }
 
-  void split_again(const CellSet& set, const Node& node, uint32_t grids) const {
+  void split_again(const CellSet& set, const CellNode& node, uint32_t grids) const {
     std::vector<uint32_t> items;
     items.reserve(node.part.count);
     for (const Cell& cell : node.part.cells)
@@ -95,7 +95,7 @@ class Splitter {
     split_items(items.data(), node.part.offset, node.part.count, grids + 1, node.depth, nullptr);
   }
 
-  Choice choose(const CellSet& set, const Node& node, const CellExtent& extent) const {
+  Choice choose(const CellSet& set, const CellNode& node, const CellExtent& extent) const {
     const uint32_t n = node.part.count, presplit = constraints_.config.presplit_threshold;
     int longest = 0;
     for (int k = 1; k < 3; ++k)
@@ -134,9 +134,9 @@ class Splitter {
 
   Bins fill_bins(const Part& part, const CellExtent& extent) const {
     const size_t count = part.cells.size();
-    std::vector<Bins> parts((count + kChunk - 1) / kChunk);
-    parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
-      Bins& bins = parts[begin / kChunk];
+    std::vector<Bins> parts((count + kCellsAtOnce - 1) / kCellsAtOnce);
+    parallel_chunks(count, kCellsAtOnce, [&](size_t begin, size_t end) {
+      Bins& bins = parts[begin / kCellsAtOnce];
       for (size_t c = begin; c < end; ++c) {
         const Cell& cell = part.cells[c];
         for (int k = 0; k < 3; ++k) bins[k][extent.bin(k, cell.position[k])].add(cell);
@@ -212,7 +212,7 @@ class Splitter {
     std::vector<Item> items;
     const auto key = [&](uint32_t item) {
       const Box4 record = record_of(source_, item, set.scale);
-      return Item{center_of(source_, record, item, set.centroid_scale)[axis], item};
+      return Item{item_center(source_, record, item, set.centroid_scale)[axis], item};
     };
     for (const Cell& cell : part.cells)
       if (cell.position[axis] == layer)
@@ -255,7 +255,7 @@ class Splitter {
 void split_cells(const Segment& segment, uint32_t most, const Box4* bounds,
                  const std::function<void(const CellSet&, const Part&)>& done) {
   const uint32_t count = segment.count;
-  Splitter(segment, most, done)
+  CellSplitter(segment, most, done)
       .split_items(segment.items, 0, count, 0, 2 * uint32_t(std::bit_width(count)) + 8, bounds);
 }
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/progress.hpp"
+#include "base/refuse.hpp"
 #include "cluster/frame/build_frame.hpp"
 #include "cluster/frame/rebuild_worst.hpp"
 #include "cluster/validate.hpp"
@@ -14,10 +15,6 @@ namespace umbel {
 namespace {
 
 constexpr uint32_t kMostTriangles = (uint32_t(1) << 31) / 3;
-
-[[noreturn]] void refuse(const std::string& sentence) {
-  throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 void check_range(const char* name, uint64_t value, uint64_t least, uint64_t most) {
   if (value < least || value > most)

@@ -21,7 +21,7 @@ namespace {
 
 using cluster::Meshlet;
 
-constexpr size_t kBatch = 1 << 12;
+constexpr size_t kBoundsBatch = 1 << 12;
 // Wider cones than about 168 degrees cull nothing worth the test, and their apex is far away.
 constexpr double kLeastCosine = 0.1;
 // What a test in floats may lose in normalising two vectors and multiplying them.
@@ -169,10 +169,10 @@ std::vector<ClusterBounds> cluster_bounds(const MeshView& mesh, const Clusters& 
     Unit unit;
   };
   tbb::enumerable_thread_specific<Scratch> scratch;
-  for (size_t begin = 0; begin < count; begin += kBatch) {
+  for (size_t begin = 0; begin < count; begin += kBoundsBatch) {
     progress.report(double(begin) / double(count), "bounding clusters");
     with_threads(options.threads, [&] {
-      parallel_for(std::min(kBatch, count - begin), 16, [&](size_t i) {
+      parallel_for(std::min(kBoundsBatch, count - begin), 16, [&](size_t i) {
         Scratch& s = scratch.local();
         s.meshlet.load(mesh, clusters, begin + i);
         check_positions(mesh, s.meshlet);

@@ -3,18 +3,16 @@
 #include <span>
 #include <string>
 
+#include "base/refuse.hpp"
+
 namespace umbel::cluster {
 namespace {
-
-[[noreturn]] void bad_argument(const std::string& sentence) {
-  throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 void check_item(const MeshView& mesh, const Clusters& clusters, uint32_t at) {
   const uint32_t item = clusters.items[at];
   if (item >= mesh.triangles.size())
-    bad_argument("clusters.items[" + std::to_string(at) + "] is " + std::to_string(item) +
-                 ", but there are " + std::to_string(mesh.triangles.size()) + " triangles");
+    refuse("clusters.items[" + std::to_string(at) + "] is " + std::to_string(item) +
+           ", but there are " + std::to_string(mesh.triangles.size()) + " triangles");
   for (const uint32_t v : mesh.triangles[item])
     if (v >= mesh.positions.size())
       throw Error(ErrorCode::kInvalidMesh,
@@ -30,12 +28,12 @@ void validate_clusters(const MeshView& mesh, const Clusters& clusters) {
     const Range& r = clusters.ranges[c];
     const std::string name = "clusters.ranges[" + std::to_string(c) + "]";
     if (r.count == 0 || uint64_t(r.offset) + r.count > clusters.items.size())
-      bad_argument(name + " is empty or ends past the items");
+      refuse(name + " is empty or ends past the items");
     if (r.count > kMaxMeshletTriangles)
-      bad_argument(name + " has " + std::to_string(r.count) + " triangles, more than " +
-                   std::to_string(kMaxMeshletTriangles) + ": give a smaller max_items");
+      refuse(name + " has " + std::to_string(r.count) + " triangles, more than " +
+             std::to_string(kMaxMeshletTriangles) + ": give a smaller max_items");
     for (uint32_t i = r.offset; i < r.offset + r.count; ++i) {
-      if (taken[i]) bad_argument(name + " overlaps another one at item " + std::to_string(i));
+      if (taken[i]) refuse(name + " overlaps another one at item " + std::to_string(i));
       taken[i] = true;
       check_item(mesh, clusters, i);
     }
@@ -52,8 +50,8 @@ void Meshlet::load(const MeshView& mesh, const Clusters& clusters, size_t cluste
     for (int k = 0; k < 3; ++k) {
       const uint32_t number = table_.insert(t[k]);
       if (number >= kMaxMeshletVertices)
-        bad_argument("cluster " + std::to_string(cluster) + " has more than " +
-                     std::to_string(kMaxMeshletVertices) + " vertices: set max_vertices");
+        refuse("cluster " + std::to_string(cluster) + " has more than " +
+               std::to_string(kMaxMeshletVertices) + " vertices: set max_vertices");
       if (number == vertices.size()) vertices.push_back(t[k]);
       corners[i][k] = static_cast<uint8_t>(number);
     }

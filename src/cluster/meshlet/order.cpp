@@ -20,7 +20,7 @@ using cluster::Meshlet;
 using LocalTriangle = std::array<uint8_t, 3>;
 
 // Clusters between two reports of progress.
-constexpr size_t kBatch = 1 << 12;
+constexpr size_t kReported = 1 << 12;
 
 // A triangle by the mesh's vertices, and where it stands.
 struct Positioned {
@@ -92,11 +92,11 @@ ClusterMeshlets order_clusters(const MeshView& mesh, const Clusters& clusters, i
   out.corners.resize(clusters.items.size());
   out.vertex_offsets.reserve(count + 1);
   out.vertex_offsets.push_back(0);
-  std::vector<std::vector<uint32_t>> vertices(std::min(count, kBatch));
+  std::vector<std::vector<uint32_t>> vertices(std::min(count, kReported));
   tbb::enumerable_thread_specific<Meshlet> meshlets;
-  for (size_t begin = 0; begin < count; begin += kBatch) {
+  for (size_t begin = 0; begin < count; begin += kReported) {
     progress.report(double(begin) / double(count), "ordering clusters");
-    const size_t size = std::min(kBatch, count - begin);
+    const size_t size = std::min(kReported, count - begin);
     with_threads(options.threads, [&] {
       parallel_for(size, 16, [&](size_t i) {
         const Range& r = clusters.ranges[begin + i];

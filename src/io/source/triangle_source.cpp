@@ -10,15 +10,12 @@
 #include <utility>
 
 #include "base/in_order.hpp"
+#include "base/math.hpp"
 
 namespace umbel::io {
 namespace {
 
-bool is_finite(const Vec3d& v) {
-  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
 bool is_finite(const Vec2& v) { return std::isfinite(v.x) && std::isfinite(v.y); }
-bool is_finite(const Vec3& v) { return is_finite(Vec2{v.x, v.y}) && std::isfinite(v.z); }
 bool is_finite(const Vec4& v) { return is_finite(Vec3{v.x, v.y, v.z}) && std::isfinite(v.w); }
 
 /// Where to begin, and what to say.

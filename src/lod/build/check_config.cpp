@@ -4,12 +4,10 @@
 #include <string>
 #include <utility>
 
+#include "base/refuse.hpp"
+
 namespace umbel::lod {
 namespace {
-
-void require(bool holds, const std::string& sentence) {
-  if (!holds) throw Error(ErrorCode::kInvalidArgument, sentence);
-}
 
 bool is_power_of_two(float value) {
   int exponent = 0;
@@ -37,9 +35,9 @@ void check_values(const Config& config) {
           "min_group is " + std::to_string(config.min_group) + ", must be at least 2");
   require(config.max_group <= 1024,
           "max_group is " + std::to_string(config.max_group) + ", must be at most 1024");
-  require(config.min_group <= config.max_group,
-          "min_group is " + std::to_string(config.min_group) + ", more than max_group, " +
-              std::to_string(config.max_group));
+  require(config.min_group <= config.max_group, "min_group is " + std::to_string(config.min_group) +
+                                                    ", more than max_group, " +
+                                                    std::to_string(config.max_group));
   require(config.ratio >= 0.1f && config.ratio <= 0.9f,
           "ratio is " + std::to_string(config.ratio) + ", must be in [0.1, 0.9]");
   require(config.position_step == 0.0f || is_power_of_two(config.position_step),

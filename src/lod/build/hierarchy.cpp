@@ -33,22 +33,14 @@
 #include <string>
 
 #include "base/math.hpp"
+#include "lod/dag/bounds.hpp"
 
 namespace umbel::lod {
 namespace {
 
-constexpr uint32_t kWidth = 8;
+constexpr uint32_t kMostChildren = 8;
 constexpr double kRadiusMargin = 1e-4;
-constexpr double kErrorMargin = 1e-5;
 constexpr double kSmallest = std::numeric_limits<float>::denorm_min();
-
-/// The smallest float that is not below `value`.
-float round_up(double value) {
-  if (value > std::numeric_limits<float>::max()) return std::numeric_limits<float>::infinity();
-  const float nearest = static_cast<float>(value);
-  if (nearest >= value) return nearest;
-  return std::nextafter(nearest, std::numeric_limits<float>::infinity());
-}
 
 double distance(const Vec3& a, const Vec3& b) {
   const double x = double{a.x} - b.x, y = double{a.y} - b.y, z = double{a.z} - b.z;
@@ -73,9 +65,9 @@ int longest_axis(const std::vector<Node>& nodes, std::span<const uint32_t> order
 
 /// Orders nodes so that every aligned run of 8, of 64, of 512... is a cell of a k-d tree.
 void order_spatially(const std::vector<Node>& nodes, std::span<uint32_t> order) {
-  if (order.size() <= kWidth) return;
-  size_t run = kWidth;
-  while (run * kWidth < order.size()) run *= kWidth;
+  if (order.size() <= kMostChildren) return;
+  size_t run = kMostChildren;
+  while (run * kMostChildren < order.size()) run *= kMostChildren;
   const size_t runs = (order.size() + run - 1) / run;
   const size_t middle = runs / 2 * run;
   const int a = longest_axis(nodes, order);
@@ -93,9 +85,9 @@ void order_spatially(const std::vector<Node>& nodes, std::span<uint32_t> order) 
 Node build_tree(std::vector<Node> layer, std::vector<Node>& nodes) {
   while (layer.size() > 1) {
     std::vector<Node> parents;
-    parents.reserve((layer.size() + kWidth - 1) / kWidth);
-    for (size_t i = 0; i < layer.size(); i += kWidth) {
-      const size_t count = std::min<size_t>(kWidth, layer.size() - i);
+    parents.reserve((layer.size() + kMostChildren - 1) / kMostChildren);
+    for (size_t i = 0; i < layer.size(); i += kMostChildren) {
+      const size_t count = std::min<size_t>(kMostChildren, layer.size() - i);
       parents.push_back(count == 1 ? layer[i] : enclosing_node(&layer[i], count));
       if (count == 1) continue;
       parents.back().children = {static_cast<uint32_t>(nodes.size()), static_cast<uint32_t>(count)};

@@ -10,8 +10,7 @@
 namespace umbel::lod {
 namespace {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr uint32_t kWidth = 4;
+constexpr uint32_t kLanes = 4;
 
 typedef float Lanes __attribute__((vector_size(16)));
 typedef int32_t Mask __attribute__((vector_size(16)));
@@ -54,7 +53,7 @@ void TriangleDistanceTree::build(const ClusterSet& set, std::span<const Vec3> po
   offsets_.assign(1, 0);
   for (uint32_t c = 0; c < set.size(); ++c) {
     const size_t triangles = set.cluster_corners(c).size() / 3;
-    offsets_.push_back(offsets_.back() + static_cast<uint32_t>((triangles + kWidth - 1) / kWidth));
+    offsets_.push_back(offsets_.back() + static_cast<uint32_t>((triangles + kLanes - 1) / kLanes));
   }
   blocks_.resize(offsets_.back());
   cluster_of_.resize(offsets_.back());
@@ -99,11 +98,11 @@ void TriangleDistanceTree::fill_blocks(const ClusterSet& set, uint32_t cluster,
         (cell(sum.x * cells.x) << 2 | cell(sum.y * cells.y) << 1 | cell(sum.z * cells.z)) << 8 | t;
   }
   std::sort(order.begin(), order.begin() + count);
-  for (size_t begin = 0; begin < count; begin += kWidth) {
-    const size_t number = first + begin / kWidth;
+  for (size_t begin = 0; begin < count; begin += kLanes) {
+    const size_t number = first + begin / kLanes;
     cluster_of_[number] = cluster;
     Block& block = blocks_[number];
-    for (size_t lane = 0; lane < kWidth; ++lane) {
+    for (size_t lane = 0; lane < kLanes; ++lane) {
       const size_t t = order[std::min(begin + lane, count - 1)] & 255;
       const Vec3 a = points[corners[3 * t]];
       const Vec3 ab = points[corners[3 * t + 1]] - a, ac = points[corners[3 * t + 2]] - a;
@@ -122,9 +121,9 @@ void TriangleDistanceTree::build_tree() {
   for (size_t level = 0;; ++level) {
     if (level == levels_.size()) levels_.emplace_back();
     std::vector<Node>& nodes = levels_[level];
-    nodes.assign((below + kWidth - 1) / kWidth, empty);
+    nodes.assign((below + kLanes - 1) / kLanes, empty);
     for (size_t i = 0; i < below; ++i) {
-      Node& node = nodes[i / kWidth];
+      Node& node = nodes[i / kLanes];
       for (int axis = 0; axis < 3; ++axis) {
         Lanes low, high;
         if (level == 0) {
@@ -136,8 +135,8 @@ void TriangleDistanceTree::build_tree() {
           low = levels_[level - 1][i].low[axis];
           high = levels_[level - 1][i].high[axis];
         }
-        node.low[axis][i % kWidth] = std::min({low[0], low[1], low[2], low[3]});
-        node.high[axis][i % kWidth] = std::max({high[0], high[1], high[2], high[3]});
+        node.low[axis][i % kLanes] = std::min({low[0], low[1], low[2], low[3]});
+        node.high[axis][i % kLanes] = std::max({high[0], high[1], high[2], high[3]});
       }
     }
     below = nodes.size();
@@ -194,25 +193,25 @@ TriangleDistanceTree::Nearest TriangleDistanceTree::nearest(const Vec3& point, f
   // The nearest child ends on top.
   const auto push_children = [&](uint32_t level, uint32_t node, uint32_t but_for) {
     Lanes d = squared_distances(levels_[level - 1][node], point);
-    if (but_for < kWidth) d[but_for] = kInfinity;
+    if (but_for < kLanes) d[but_for] = kInfinity;
     const size_t first = count;
-    for (uint32_t i = 0; i < kWidth; ++i) {
+    for (uint32_t i = 0; i < kLanes; ++i) {
       if (!(d[i] < best.squared)) continue;
       size_t at = count++;
       for (; at > first && stack[at - 1].squared < d[i]; --at) stack[at] = stack[at - 1];
-      stack[at] = {d[i], level - 1, kWidth * node + i};
+      stack[at] = {d[i], level - 1, kLanes * node + i};
     }
   };
   // From the hint upwards: what is near it in the tree comes first.
   uint32_t at = std::min(hint, static_cast<uint32_t>(blocks_.size() - 1));
   if (visit(at)) return best;
-  for (uint32_t level = 1; level <= levels_.size(); ++level, at /= kWidth) {
-    push_children(level, at / kWidth, at % kWidth);
+  for (uint32_t level = 1; level <= levels_.size(); ++level, at /= kLanes) {
+    push_children(level, at / kLanes, at % kLanes);
     while (count > 0) {
       const Entry top = stack[--count];
       if (!(top.squared < best.squared)) continue;
       if (top.level > 0)
-        push_children(top.level, top.node, kWidth);
+        push_children(top.level, top.node, kLanes);
       else if (visit(top.node))
         return best;
     }

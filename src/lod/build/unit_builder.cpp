@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/big_vector.hpp"
+#include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "lod/build/clusterise.hpp"
 #include "lod/build/held_positions.hpp"
@@ -18,7 +19,6 @@ constexpr double kLeastProgress = 0.98;
 // Idle levels before the last resort is allowed, and after it before the build ends with what is
 // left as its roots.
 constexpr int kPatience = 2;
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 }  // namespace
 

@@ -4,6 +4,8 @@
 #include <limits>
 #include <vector>
 
+#include "base/math.hpp"
+
 namespace umbel::lod {
 namespace {
 
@@ -26,13 +28,6 @@ bool is_well_inside(const Point& center, double radius, const Point& point, doub
 }
 
 Point to_point(const Vec3& v) { return {v.x, v.y, v.z}; }
-
-float round_up(double value) {
-  const float rounded = static_cast<float>(value);
-  return static_cast<double>(rounded) >= value
-             ? rounded
-             : std::nextafter(rounded, std::numeric_limits<float>::infinity());
-}
 
 // Ritter (1990): start from the pair that is farthest apart along an axis, then grow just enough
 // for each sphere outside. A second, shrunken start usually finds a smaller sphere.

@@ -7,16 +7,13 @@
 #include <cmath>
 #include <functional>
 
+#include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "lod/select/instances.hpp"
 #include "lod/select/turning_point.hpp"
 
 namespace umbel::lod {
-namespace {
-
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-
-}  // namespace
+namespace {}  // namespace
 
 float turning_point(const Group& group, const Seen& seen) {
   return turning_point(group.sphere, group.error, seen.view, seen.factor);

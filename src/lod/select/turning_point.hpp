@@ -5,6 +5,7 @@
 #include <bit>
 #include <limits>
 
+#include "base/math.hpp"
 #include "lod/select/instances.hpp"
 
 namespace umbel::lod {
@@ -38,7 +39,6 @@ float first_that(float guess, const Holds& holds) {
 /// The least error or threshold of the scene at which a group need not be refined, seen with the
 /// view of its own space, whose error or threshold is `factor` times the scene's.
 inline float turning_point(const Sphere& sphere, float error, View view, double factor) {
-  constexpr float kInfinity = std::numeric_limits<float>::infinity();
   if (error == kInfinity) return kInfinity;
   const bool by_error = view.kind == View::Kind::kError;
   const float distance = by_error ? 1.0f : distance_outside(sphere, view.eye);

@@ -2,15 +2,12 @@
 #include <cmath>
 
 #include "base/math.hpp"
+#include "base/refuse.hpp"
 #include "lod/select/refine.hpp"
 #include "umbel/lod/select.hpp"
 
 namespace umbel::lod {
 namespace {
-
-[[noreturn]] void reject(const std::string& what) {
-  throw Error(ErrorCode::kInvalidArgument, what);
-}
 
 using Row = std::array<double, 3>;
 
@@ -29,7 +26,7 @@ Row sum(const Row& a, double scale, const Row& b) {
 Row unit(const Row& a, const char* what) {
   const double length = std::sqrt(dot(a, a));
   if (!(length > 0 && std::isfinite(length)))
-    reject(std::string("frustum_planes: ") + what + " gives no direction");
+    refuse(std::string("frustum_planes: ") + what + " gives no direction");
   return {a[0] / length, a[1] / length, a[2] / length};
 }
 
@@ -44,7 +41,7 @@ Plane plane_through(const Row& normal, const Row& at, double offset) {
 
 View view_error(float error) {
   if (!(error >= 0))
-    reject("view_error: error must be at least 0, but is " + std::to_string(error));
+    refuse("view_error: error must be at least 0, but is " + std::to_string(error));
   View view;
   view.kind = View::Kind::kError;
   view.error = error;
@@ -53,12 +50,12 @@ View view_error(float error) {
 
 View view_camera(const Vec3& eye, float fov_y, uint32_t height, float pixel_error) {
   constexpr float kPi = 3.14159265f;
-  if (!is_finite(eye)) reject("view_camera: eye must be finite");
+  if (!is_finite(eye)) refuse("view_camera: eye must be finite");
   if (!(fov_y > 0 && fov_y < kPi))
-    reject("view_camera: fov_y must be between 0 and pi radians, but is " + std::to_string(fov_y));
-  if (height == 0) reject("view_camera: height must be at least 1 pixel, but is 0");
+    refuse("view_camera: fov_y must be between 0 and pi radians, but is " + std::to_string(fov_y));
+  if (height == 0) refuse("view_camera: height must be at least 1 pixel, but is 0");
   if (!(pixel_error >= 0 && std::isfinite(pixel_error)))
-    reject("view_camera: pixel_error must be at least 0 and finite, but is " +
+    refuse("view_camera: pixel_error must be at least 0 and finite, but is " +
            std::to_string(pixel_error));
   View view;
   view.kind = View::Kind::kCamera;
@@ -78,14 +75,14 @@ std::vector<Plane> frustum_planes(const Camera& camera, float aspect, float near
                                   float far_plane) {
   constexpr float kPi = 3.14159265f;
   if (!is_finite(camera.position) || !is_finite(camera.target) || !is_finite(camera.up))
-    reject("frustum_planes: position, target and up must be finite");
+    refuse("frustum_planes: position, target and up must be finite");
   if (!(camera.fov_y > 0 && camera.fov_y < kPi))
-    reject("frustum_planes: fov_y must be between 0 and pi radians, but is " +
+    refuse("frustum_planes: fov_y must be between 0 and pi radians, but is " +
            std::to_string(camera.fov_y));
   if (!(aspect > 0 && std::isfinite(aspect)))
-    reject("frustum_planes: aspect must be over 0 and finite, but is " + std::to_string(aspect));
+    refuse("frustum_planes: aspect must be over 0 and finite, but is " + std::to_string(aspect));
   if (!(near_plane >= 0 && far_plane > near_plane))
-    reject("frustum_planes: must be 0 <= near_plane < far_plane, but they are " +
+    refuse("frustum_planes: must be 0 <= near_plane < far_plane, but they are " +
            std::to_string(near_plane) + " and " + std::to_string(far_plane));
   const Row eye = row(camera.position);
   const Row ahead = unit(sum(row(camera.target), -1, eye), "the target, which is the position,");
@@ -104,13 +101,13 @@ std::vector<Plane> frustum_planes(const Camera& camera, float aspect, float near
 
 double angular_error(double error, double distance) {
   constexpr double kHalfPi = 1.5707963267948966;
-  if (!(error >= 0)) reject("angular_error: error must be at least 0");
+  if (!(error >= 0)) refuse("angular_error: error must be at least 0");
   if (error == 0) return 0;
   return error < distance ? std::asin(error / distance) : kHalfPi;
 }
 
 double pixel_error(double error, double distance, double fov_y, uint32_t height) {
-  if (!(error >= 0)) reject("pixel_error: error must be at least 0");
+  if (!(error >= 0)) refuse("pixel_error: error must be at least 0");
   if (error == 0) return 0;
   if (!(distance > 0)) return std::numeric_limits<double>::infinity();
   return error / distance * height / (2 * std::tan(0.5 * fov_y));

@@ -17,7 +17,7 @@ namespace {
 
 // Only where a group keeps less than this of its area, because small components lost theirs, and
 // only components of at most this part of its radius.
-constexpr double kKept = 0.9, kSmall = 0.4;
+constexpr double kKeptArea = 0.9, kSmall = 0.4;
 constexpr size_t kFewest = 8;
 // By how much a component grows in one step at most and, to be worth it, at least.
 constexpr double kMostGrowth = 1.6, kLeastGrowth = 1.02;
@@ -35,7 +35,7 @@ std::vector<double> growths(const GroupMesh& group, GroupComponents& components,
                             std::span<const Triangle> left) {
   double area_after = 0;
   for (const Triangle& t : left) area_after += area_of(group, t);
-  if (!(area_after < kKept * area_before)) return {};
+  if (!(area_after < kKeptArea * area_before)) return {};
   components.find();
   const auto all = components.all();
   if (all.size() < kFewest) return {};
@@ -56,7 +56,7 @@ std::vector<double> growths(const GroupMesh& group, GroupComponents& components,
     (has[i] > 0 ? kept : gone) += had[i];
     lost += had[i] - has[i];
   }
-  if (small < kFewest || !(lost > (1 - kKept) * area_before) || !(kept > 0)) return {};
+  if (small < kFewest || !(lost > (1 - kKeptArea) * area_before) || !(kept > 0)) return {};
   std::vector<double> growth(all.size(), 1);
   for (size_t i = 0; i < all.size(); ++i)
     if (has[i] > 0)

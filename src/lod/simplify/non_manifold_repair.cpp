@@ -13,7 +13,7 @@ namespace {
 constexpr float kLeastCosine = 0.1f;
 
 // One triangle at an edge, turned so that the edge runs from corner 0 to corner 1.
-struct Side {
+struct EdgeSide {
   size_t index;
   Triangle t;
 };
@@ -27,7 +27,7 @@ class NonManifoldRepair {
   }
 
   void repair_edge(uint32_t a, uint32_t b) {
-    std::vector<Side> forward, backward;
+    std::vector<EdgeSide> forward, backward;
     find_sides(a, b, forward, backward);
     if (remove_back_to_back(forward, backward)) return;
     if (flip_best(forward, backward)) return;
@@ -38,7 +38,7 @@ class NonManifoldRepair {
 
  private:
   struct Flip {
-    Side s, t;
+    EdgeSide s, t;
     float cosine, deviation;
   };
 
@@ -78,7 +78,8 @@ class NonManifoldRepair {
     }
   }
 
-  void find_sides(uint32_t a, uint32_t b, std::vector<Side>& forward, std::vector<Side>& backward) {
+  void find_sides(uint32_t a, uint32_t b, std::vector<EdgeSide>& forward,
+                  std::vector<EdgeSide>& backward) {
     for_each_at(a, [&](size_t i, uint32_t k) {
       const Triangle& t = triangles_[i];
       const uint32_t v0 = t[k], v1 = t[(k + 1) % 3], v2 = t[(k + 2) % 3];
@@ -90,18 +91,19 @@ class NonManifoldRepair {
   }
 
   // A corner that changed and changed back is in its list twice.
-  static void sort_unique(std::vector<Side>& sides) {
+  static void sort_unique(std::vector<EdgeSide>& sides) {
     std::sort(sides.begin(), sides.end(),
-              [](const Side& l, const Side& r) { return l.index < r.index; });
-    const auto end = std::unique(sides.begin(), sides.end(),
-                                 [](const Side& l, const Side& r) { return l.index == r.index; });
+              [](const EdgeSide& l, const EdgeSide& r) { return l.index < r.index; });
+    const auto end =
+        std::unique(sides.begin(), sides.end(),
+                    [](const EdgeSide& l, const EdgeSide& r) { return l.index == r.index; });
     sides.erase(end, sides.end());
   }
 
-  bool remove_back_to_back(std::span<const Side> forward, std::span<const Side> backward) {
+  bool remove_back_to_back(std::span<const EdgeSide> forward, std::span<const EdgeSide> backward) {
     if (forward.size() + backward.size() <= 2) return false;
-    for (const Side& f : forward)
-      for (const Side& b : backward)
+    for (const EdgeSide& f : forward)
+      for (const EdgeSide& b : backward)
         if (position(f.t[2]) == position(b.t[2])) {
           triangles_[f.index] = triangles_[b.index] = {0, 0, 0};
           return true;
@@ -119,7 +121,7 @@ class NonManifoldRepair {
   }
 
   // The quad a, y, b, x of triangles (a, b, x) and (b, a, y), cut along x y instead of a b.
-  std::optional<Flip> judge(const Side& s, const Side& t) const {
+  std::optional<Flip> judge(const EdgeSide& s, const EdgeSide& t) const {
     const auto [a, b, x] = s.t;
     const uint32_t y = t.t[2];
     // At an attribute seam the two triangles have vertices of their own.
@@ -144,10 +146,10 @@ class NonManifoldRepair {
     return Flip{s, t, worst, apart};
   }
 
-  bool flip_best(std::span<const Side> forward, std::span<const Side> backward) {
+  bool flip_best(std::span<const EdgeSide> forward, std::span<const EdgeSide> backward) {
     std::optional<Flip> best;
-    for (const Side& f : forward)
-      for (const Side& b : backward) {
+    for (const EdgeSide& f : forward)
+      for (const EdgeSide& b : backward) {
         const auto flip = judge(f, b);
         if (flip && (!best || flip->deviation < best->deviation)) best = flip;
       }
@@ -161,14 +163,14 @@ class NonManifoldRepair {
   }
 
   // Splits the edge in one patch by the nearest spare vertex that flips no triangle.
-  void split(std::span<const Side> forward, std::span<const Side> backward) {
+  void split(std::span<const EdgeSide> forward, std::span<const EdgeSide> backward) {
     mark_used();
-    for (const Side& f : forward)
-      for (const Side& b : backward)
+    for (const EdgeSide& f : forward)
+      for (const EdgeSide& b : backward)
         if (b.t[0] == f.t[1] && b.t[1] == f.t[0] && split(f, b)) return;
   }
 
-  bool split(const Side& s, const Side& t) {
+  bool split(const EdgeSide& s, const EdgeSide& t) {
     const auto [a, b, x] = s.t;
     const uint32_t y = t.t[2];
     const Vec3 middle = 0.5f * (point(a) + point(b));

@@ -15,7 +15,7 @@
 namespace umbel::lod {
 namespace {
 
-constexpr size_t kKept = 3;
+constexpr size_t kKeptExamples = 3;
 
 void collect(const Topology& topology, uint32_t cluster, bool simplified,
              std::vector<uint64_t>& uses) {
@@ -27,12 +27,12 @@ void judge(const Topology& topology, const EdgeUse& use, bool is_root, BorderRes
   if (topology.allowed[use.edge]) return;
   if (use.own > 2 || use.simplified > 2) {
     ++result.overlaps;
-    if (result.first_overlaps.size() < kKept) result.first_overlaps.push_back(use);
+    if (result.first_overlaps.size() < kKeptExamples) result.first_overlaps.push_back(use);
   }
   const bool differs = topology.oriented ? use.net != 0 : (use.own + use.simplified) % 2 != 0;
   if (differs && !is_root) {
     ++result.cracks;
-    if (result.first_cracks.size() < kKept) result.first_cracks.push_back(use);
+    if (result.first_cracks.size() < kKeptExamples) result.first_cracks.push_back(use);
   }
 }
 
