@@ -197,6 +197,7 @@ export class UmbelMesh extends Object3D {
     if (material === this.lineMaterial) return;
     this.lineMaterial = material;
     for (const instance of this.instances) instance.removeLines();
+    if (!material) this.residents.removeLines();
   }
 
   /** Frees all memory; the object cannot be used after that. */
@@ -222,6 +223,7 @@ export class UmbelMesh extends Object3D {
     if (!this.isFrozen)
       this.views.update({ camera, height, pixelError, offscreen }, this.matrixWorld);
     this.cullAndCount(camera);
+    this.budget.setSlack(this.residents.slack);
     const key = `${this.views.version} ${this.cutVersion}`;
     this.texelDemand.update(this.instances, camera, height, key, {
       measured: (texels) => this.materials.textures.setDemand(texels, renderer),
@@ -260,7 +262,6 @@ export class UmbelMesh extends Object3D {
   /** Of an update whose groups are uploaded. */
   private finish(update: StreamUpdate): void {
     for (const group of update.removed) this.residents.remove(group);
-    this.budget.setSlack(this.residents.slack);
     this.statistics = update.statistics;
     for (let i = 0; i < update.pages.length; i += 2) {
       const [page, state] = [update.pages[i] as number, update.pages[i + 1] as number];

@@ -64,3 +64,24 @@ test("a group that is larger than an arena has one of its own", () => {
   groups.add(groupOf(0, 200000));
   expect(arenaOf(groups, 0).room).toBe(200000);
 });
+
+test("edges are freed alone when they are no longer drawn", () => {
+  const groups = residentsOf(1 << 20);
+  groups.add(groupOf(0, 100));
+  const arena = arenaOf(groups, 0);
+  const { slack } = groups;
+  const edges = arena.lines();
+  const freed: string[][] = [];
+  edges.addEventListener("dispose", () => freed.push(Object.keys(edges.attributes)));
+  expect(groups.slack).toBe(slack + arena.edgeBytes);
+  expect(arena.edgeBytes).toBeGreaterThan(0);
+  groups.removeLines();
+  // three.js frees the attributes that a geometry has, and the triangles still have theirs.
+  expect(freed).toEqual([[]]);
+  expect(Object.keys(arena.geometry.attributes)).toContain("position");
+  expect(groups.slack).toBe(slack);
+  const group = groups.get(0)?.group as RenderGroup;
+  expect(arena.edgesOf(group)).toBeUndefined();
+  expect(arena.lines()).not.toBe(edges);
+  expect(arena.edgesOf(group)).toBeDefined();
+});

@@ -174,8 +174,18 @@ export class Arena {
     return this.edgeOffsets.get(group);
   }
 
+  /** Frees the edges; those that `lines` returned cannot be drawn after that. */
+  removeLines(): void {
+    if (!this.edges) return;
+    // Freeing a geometry frees its attributes too, which the triangles still need.
+    for (const name of Object.keys(this.edges.attributes)) this.edges.deleteAttribute(name);
+    this.edges.dispose();
+    this.edges = undefined;
+    this.edgeOffsets.clear();
+  }
+
   dispose(): void {
-    this.edges?.dispose();
+    this.removeLines();
     this.geometry.dispose();
   }
 

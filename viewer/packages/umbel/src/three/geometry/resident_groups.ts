@@ -125,6 +125,11 @@ export class ResidentGroups {
     resident.arena.dispose();
   }
 
+  /** Frees the edges of all arenas. */
+  removeLines(): void {
+    for (const arena of this.arenas) arena.removeLines();
+  }
+
   dispose(): void {
     for (const arena of this.arenas) arena.dispose();
     this.arenas.clear();
