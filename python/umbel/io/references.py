@@ -107,7 +107,7 @@ def _read(path: Path, name: str) -> tuple[str, list[str]]:
         while block := file.read(_BLOCK):
             digest.update(block)
             if lower.endswith(".obj"):
-                lines, kept = _whole_lines(kept + block)
+                lines, kept = _whole_lines(kept + block.replace(b"\r", b"\n"))
                 named += references(name, lines)
             elif kept[:4] == b"glTF" or block[:4] == b"glTF":
                 kept += block if len(kept) < _json_end(kept or block) else b""
@@ -148,7 +148,7 @@ def _of_gltf(text: bytes) -> Iterator[str]:
     if b'"uri"' not in text:
         return
     try:
-        root = json.loads(text)
+        root = json.loads(text.rstrip(b"\0"))  # with which some writers pad a chunk
         entries = [*root.get("buffers", []), *root.get("images", [])]
         uris = [entry.get("uri") for entry in entries]
     except (AttributeError, RecursionError, TypeError, ValueError):
@@ -160,6 +160,7 @@ def _of_gltf(text: bytes) -> Iterator[str]:
 
 def _rests_of_lines(data: Any, word: bytes) -> Iterable[str]:
     """What follows the word, in any case, in every line that begins with it."""
+    data = bytes(data).replace(b"\r", b"\n")
     for spelling in (word, word.upper(), word.capitalize()):
         at = data.find(spelling)
         while at >= 0:

@@ -189,6 +189,9 @@ def test_references_are_found(folder: Path) -> None:
     assert references("a.obj", b"v 0 0 0\nmtllib my paint.mtl") == [
         *("my paint.mtl", "my", "paint.mtl"),
     ]
+    assert references("a.obj", b"v 0 0 0\rmtllib a.mtl\rmtllib b.mtl\r") == ["a.mtl", "b.mtl"]
+    padded = (folder / "b.gltf").read_bytes() + b"\0\0"  # as it may be in a .glb
+    assert references("b.gltf", padded) == ["my buffer.bin", "red.png"]
     assert references("c.ply", (folder / "c.ply").read_bytes()) == []
     assert references("d.glb", (folder / "d.glb").read_bytes()) == []
     assert references("d.glb", b"glTF\0\0\0") == references("b.gltf", b"{ no json") == []
@@ -208,6 +211,17 @@ def test_digests_tell_what_a_file_refers_to(folder: Path) -> None:
     (folder / "c.prj").write_text('GEOGCS["WGS 84"]')  # says what the coordinates mean
     seen |= {plain, source_digest(folder / "c.ply")}
     assert len(seen) == 7
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_digests_tell_of_libraries_whatever_ends_lines(tmp_path: Path, end: str) -> None:
+    vertices = ["v 0 0 0"] * 200_000  # more than is read at once
+    for lines in (["mtllib a.mtl", *vertices], [*vertices, "mtllib a.mtl"]):
+        (tmp_path / "a.obj").write_bytes(end.join([*lines, "f 1 2 3", ""]).encode())
+        (tmp_path / "a.mtl").write_bytes(b"newmtl a\n")
+        before = source_digest(tmp_path / "a.obj")
+        (tmp_path / "a.mtl").write_bytes(b"newmtl b\n")
+        assert source_digest(tmp_path / "a.obj") != before
 
 
 def test_digests_follow_no_reference_out_of_the_folder(tmp_path: Path) -> None:
