@@ -29,6 +29,7 @@ _JSON_CHUNK = 0x4E4F534A
 _BIN_CHUNK = 0x004E4942
 #: No codec here makes more of its input than this; larger claims are damage.
 _MOST_EXPANSION = 4096
+_SHOWN = 5  # names in a warning
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 
@@ -42,14 +43,28 @@ def parse_container(data: bytes, where: str) -> tuple[Json, bytes | None]:
 
 
 def parse_json(text: bytes, where: str) -> Json:
-    """The object that a file's JSON is."""
+    """The object that a file's JSON is. Warns of names that an object has more than once."""
+    repeated: dict[str, None] = {}
+
+    def unique(pairs: list[tuple[str, Any]]) -> Json:
+        out = dict(pairs)
+        if len(out) < len(pairs):
+            last = {name: k for k, (name, _) in enumerate(pairs)}
+            found = [repr(name[:40]) for k, (name, _) in enumerate(pairs) if last[name] != k]
+            repeated.update(dict.fromkeys(found))
+        return out
+
     try:
         # Some writers pad a chunk with zeros.
-        root = json.loads(text.rstrip(b"\0").decode("utf-8-sig"))
+        root = json.loads(text.rstrip(b"\0").decode("utf-8-sig"), object_pairs_hook=unique)
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise Error(f"{where}: its JSON is corrupt: {error}") from None
     if not isinstance(root, dict):
         raise Error(f"{where}: its JSON is no object")
+    if repeated:
+        more = f" and {len(repeated) - _SHOWN} more" if len(repeated) > _SHOWN else ""
+        shown = ", ".join(list(repeated)[:_SHOWN])
+        _warn(f"{where}: all but the last of {shown}{more}, which objects of its JSON have twice")
     return root
 
 

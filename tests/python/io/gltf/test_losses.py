@@ -12,6 +12,7 @@ import pytest
 from helpers.gltf_builder import INDICES, GltfBuilder, one, read
 from helpers.mesh_files import TETRA_POSITIONS
 from umbel.errors import LoadWarning
+from umbel.io import load_scene
 
 
 def lost(tmp_path: Path, builder: GltfBuilder) -> str:
@@ -51,6 +52,16 @@ def test_meshes_that_no_node_of_the_scene_has(tmp_path: Path) -> None:
     assert lost(tmp_path, b) == "a mesh that is not drawn"
     b.tetra()
     assert lost(tmp_path, b) == "2 meshes that are not drawn"
+
+
+def test_names_that_an_object_has_twice(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.scene(b.node(mesh=b.tetra(name="m"), name="a", extras={"k": 1}))
+    path = tmp_path / "a.gltf"
+    path.write_bytes(b.gltf().replace(b'"name": "a"', b'"name": "z", "name": "a"'))
+    with pytest.warns(LoadWarning, match="all but the last of 'name', which .* are left out"):
+        scene = load_scene(path)
+    assert scene.instances[0].name == "a"
 
 
 def test_images_that_no_material_uses(tmp_path: Path) -> None:
