@@ -165,10 +165,10 @@ def fetch_sources(names: Sequence[str], folder: Path) -> list[Path]:
         system, at = _open(name)
         path = folder / f"{number:06d}" / name_of(name)
         try:
-            about = system.info(at)
-            which = json.dumps({k: str(about.get(k)) for k in ("size", "ETag", "LastModified")})
+            which = _version_of(name, system.info(at))
             tag = path.with_name(".tag")
-            if not (path.exists() and tag.exists() and tag.read_text() == which):
+            is_there = path.exists() and tag.exists() and tag.read_text() == which
+            if not (is_there and which):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 tag.unlink(missing_ok=True)
                 system.get_file(at, str(path))
@@ -177,6 +177,18 @@ def fetch_sources(names: Sequence[str], folder: Path) -> list[Path]:
             raise Error(f"cannot read {name}: {error}") from None
         paths.append(path)
     return paths
+
+
+#: By which file systems tell one version of a file from another, in letters alone.
+_VERSIONS = {"etag", "lastmodified", "mtime", "modified", "updated", "created", "generation"}
+_VERSIONS |= {"contentmd", "mdhash", "versionid"}
+
+
+def _version_of(name: str, about: dict[str, Any]) -> str:
+    """Of a file at an address; empty where its file system does not tell versions apart."""
+    letters = {"".join(filter(str.isalpha, key)).lower(): key for key in about}
+    told = {key: str(about[key]) for word, key in sorted(letters.items()) if word in _VERSIONS}
+    return json.dumps([name, about.get("size"), told]) if told else ""
 
 
 def fetch_file(name: str, path: Path) -> None:

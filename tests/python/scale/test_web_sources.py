@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import functools
+import os
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import umbel
@@ -28,15 +31,21 @@ class Quiet(SimpleHTTPRequestHandler):
         pass
 
 
-@pytest.fixture(scope="module")
-def web(tiles: list[Path]) -> Iterator[str]:
-    handler = functools.partial(Quiet, directory=str(tiles[0].parent))
+@contextmanager
+def served(folder: Path) -> Iterator[str]:
+    handler = functools.partial(Quiet, directory=str(folder))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
         yield f"http://127.0.0.1:{server.server_address[1]}"
         server.shutdown()
         thread.join()
+
+
+@pytest.fixture(scope="module")
+def web(tiles: list[Path]) -> Iterator[str]:
+    with served(tiles[0].parent) as address:
+        yield address
 
 
 @pytest.fixture(autouse=True)
@@ -67,6 +76,26 @@ def test_missing_tile(web: str, tmp_path: Path) -> None:
         build_asset(f"{web}/none.ply", tmp_path / "a.umbel", unit_triangles=UNIT)
     with pytest.raises(umbel.Error, match="no file matches http://"):
         build_asset(f"{web}/*.obj", tmp_path / "a.umbel", unit_triangles=UNIT)
+
+
+def test_mended_tile_of_the_same_size_is_fetched_again(tmp_path: Path) -> None:
+    """Of a server that tells when a file was changed, and nothing else."""
+    (tmp_path / "web").mkdir()
+    tile = tmp_path / "web" / "a.stl"
+    corners = np.zeros(1, [("normal", "<f4", 3), ("at", "<f4", (3, 3)), ("rest", "<u2")])
+
+    def write(y: float, second: int) -> None:
+        corners["at"] = [[0, 0, 0], [1, 0, 0], [0, y, 0]]
+        tile.write_bytes(bytes(80) + np.uint32(1).tobytes() + corners.tobytes())
+        os.utime(tile, (1e9 + second, 1e9 + second))
+
+    with served(tile.parent) as web:
+        write(np.nan, 1)
+        with pytest.raises(umbel.Error, match="not finite"):
+            build_asset(f"{web}/a.stl", tmp_path / "a.umbel", unit_triangles=UNIT)
+        write(5, 2)
+        build_asset(f"{web}/a.stl", tmp_path / "a.umbel", unit_triangles=UNIT)
+    assert umbel.load(tile).positions.max() == 5
 
 
 def test_nothing_is_written_by_http(web: str, tiles: list[Path], tmp_path: Path) -> None:
