@@ -33,10 +33,17 @@ typedef struct umbel_cuda_bvh_config {
   uint32_t kmeans_forwarded_clusters;  ///< from 0, the default, to 64; 1 as published
 } umbel_cuda_bvh_config;
 
-/// Sets the defaults of a builder: "lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans",
-/// "kmeans-q1" to "kmeans-q5" or "sweep"; NULL means "hploc".
-UMBEL_C_API umbel_result umbel_cuda_bvh_config_init(umbel_cuda_bvh_config* config,
-                                                    const char* builder);
+/// Sets the first `size` bytes of a config to the defaults of a builder: "lbvh", "hlbvh", "atrbvh",
+/// "ploc", "hploc", "kmeans", "kmeans-q1" to "kmeans-q5" or "sweep"; NULL means "hploc". `size` is
+/// sizeof(umbel_cuda_bvh_config) as the caller was compiled with it. Leaves the config as it is on
+/// failure.
+UMBEL_C_API umbel_result umbel_cuda_bvh_config_init_sized(umbel_cuda_bvh_config* config,
+                                                          size_t size, const char* builder);
+
+static inline umbel_result umbel_cuda_bvh_config_init(umbel_cuda_bvh_config* config,
+                                                      const char* builder) {
+  return umbel_cuda_bvh_config_init_sized(config, sizeof *config, builder);
+}
 
 /// What holds of a whole tree, in device memory.
 typedef struct umbel_compact_info {

@@ -98,7 +98,11 @@ class Bvh(Queries):
                 )
         self._config = _Config()
         check(
-            library().umbel_cuda_bvh_config_init(ctypes.byref(self._config), str(builder).encode())
+            library().umbel_cuda_bvh_config_init_sized(
+                ctypes.byref(self._config),
+                ctypes.c_size_t(ctypes.sizeof(self._config)),
+                str(builder).encode(),
+            )
         )
         self._config = _changed(self._config, settings)
         nodes, references = ctypes.c_uint32(), ctypes.c_uint32()

@@ -47,10 +47,13 @@ umbel_cuda_bvh_config config_of(const cuda::DeviceBvhConfig& c) {
 
 using umbel::capi::guard;
 
-umbel_result umbel_cuda_bvh_config_init(umbel_cuda_bvh_config* config, const char* builder) {
+umbel_result umbel_cuda_bvh_config_init_sized(umbel_cuda_bvh_config* config, size_t size,
+                                              const char* builder) {
   return guard([&] {
-    umbel::capi::required(config, "config") = umbel::capi::config_of(
-        builder ? umbel::cuda::device_builder_preset(builder) : umbel::cuda::DeviceBvhConfig{});
+    umbel::capi::init_sized(
+        &umbel::capi::required(config, "config"), size,
+        umbel::capi::config_of(builder ? umbel::cuda::device_builder_preset(builder)
+                                       : umbel::cuda::DeviceBvhConfig{}));
   });
 }
 
