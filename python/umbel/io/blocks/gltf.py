@@ -16,7 +16,7 @@ from umbel.io.files import GZIP, read_head
 from umbel.io.folder import Folder
 from umbel.io.gltf.buffers import Buffers, Json, glb_ranges, is_data_uri, parse_json
 from umbel.io.gltf.images import texture_reader
-from umbel.io.gltf.losses import idle_images, losses, missing_textures, unknown_names
+from umbel.io.gltf.losses import idle_images, idle_nodes, losses, missing_textures, unknown_names
 from umbel.io.gltf.materials import read_material
 from umbel.io.gltf.nodes import Nodes
 from umbel.io.gltf.reader import MOST_UVS, check_header
@@ -230,6 +230,7 @@ class _Plan:
         entries = self.root.get("materials") or []
         numbers = layout.shared.add([read_material(entry, textures.image) for entry in entries])
         lost += losses(self.root, [self.nodes.node(k) for k in self.drawn], self.tree.lost)
+        lost += idle_nodes(self.root, len(self.tree.numbers))
         lost += missing_textures(len(textures.missing))
         lost += idle_images(textures.idle)
         lost += unknown_names(self.root)

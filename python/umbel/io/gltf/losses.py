@@ -56,6 +56,17 @@ def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[
         yield f"{idle} meshes that are not drawn" if idle > 1 else "a mesh that is not drawn"
 
 
+def idle_nodes(root: Json, kept: int) -> Iterator[str]:
+    """Nodes of the file that its only scene does not have; `kept` are those that a tree keeps."""
+    idle = len(root.get("nodes") or []) - kept
+    if idle and len(root.get("scenes") or []) == 1:
+        yield (
+            f"{idle} nodes that the scene does not have"
+            if idle > 1
+            else ("a node that the scene does not have")
+        )
+
+
 def missing_textures(count: int) -> Iterator[str]:
     """So many that have no image."""
     if count:

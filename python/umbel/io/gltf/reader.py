@@ -30,7 +30,7 @@ from umbel.io.folder import Folder
 from umbel.io.gltf.buffers import MESHOPT, Buffers, Json, parse_container
 from umbel.io.gltf.cameras import read_camera
 from umbel.io.gltf.images import texture_reader
-from umbel.io.gltf.losses import idle_images, losses, missing_textures, unknown_names
+from umbel.io.gltf.losses import idle_images, idle_nodes, losses, missing_textures, unknown_names
 from umbel.io.gltf.materials import read_material
 from umbel.io.gltf.nodes import Nodes, instance_matrices
 from umbel.io.gltf.schema import check_schema
@@ -129,6 +129,7 @@ class _Reader:
             for matrix in instance_matrices(node, self.buffers, index):
                 instances.append(Instance(mesh, world @ matrix, name, tree.numbers[index]))
         self.lost += losses(self.root, [self.nodes.node(k) for k in drawn], tree.lost)
+        self.lost += idle_nodes(self.root, len(tree.numbers))
         self.lost += missing_textures(len(self.textures.missing))
         self.lost += idle_images(self.textures.idle)
         scene = Scene(self.meshes, self.materials, instances, cameras=self.cameras, tree=tree.json)

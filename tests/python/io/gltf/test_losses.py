@@ -13,6 +13,7 @@ from helpers.gltf_builder import INDICES, GltfBuilder, one, read
 from helpers.mesh_files import TETRA_POSITIONS
 from umbel.errors import LoadWarning
 from umbel.io import load_scene
+from umbel.io.blocks import open_source
 
 
 def lost(tmp_path: Path, builder: GltfBuilder) -> str:
@@ -49,9 +50,23 @@ def test_meshes_that_no_node_of_the_scene_has(tmp_path: Path) -> None:
     b = GltfBuilder()
     b.scene(b.node(mesh=b.tetra()))
     b.node(mesh=b.tetra())
-    assert lost(tmp_path, b) == "a mesh that is not drawn"
+    node = "a node that the scene does not have"
+    assert lost(tmp_path, b) == f"a mesh that is not drawn; {node}"
     b.tetra()
-    assert lost(tmp_path, b) == "2 meshes that are not drawn"
+    assert lost(tmp_path, b) == f"2 meshes that are not drawn; {node}"
+
+
+def test_nodes_that_the_scene_does_not_have(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    mesh = b.tetra()
+    b.scene(b.node(mesh=mesh))
+    b.node(mesh=mesh, name="another instance")
+    assert lost(tmp_path, b) == "a node that the scene does not have"
+    b.node(camera=0, children=[b.node(name="below")])
+    b.root["cameras"] = [{"type": "orthographic"}]
+    assert lost(tmp_path, b) == "3 nodes that the scene does not have"
+    with pytest.warns(LoadWarning, match="3 nodes that the scene does not have"):
+        open_source(tmp_path / "mesh.glb", tmp_path)
 
 
 def test_names_that_an_object_has_twice(tmp_path: Path) -> None:
