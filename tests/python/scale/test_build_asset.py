@@ -162,6 +162,31 @@ def test_touched_input_is_not(terrain: Path, expected: bytes, tmp_path: Path) ->
     assert (tmp_path / "a.umbel").read_bytes()[-1000:] == expected[-1000:]
 
 
+def test_materials_that_are_no_longer_shared_are_refused(tmp_path: Path) -> None:
+    tiles = []
+    for k in range(2):
+        tiles.append(tmp_path / f"{k}.obj")
+        lines = [f"v {10 * k + i % 50} {i // 50} 0\n" for i in range(2500)]
+        corners = [50 * y + x + 1 for y in range(49) for x in range(49)]
+        faces = [f"f {c} {c + 1} {c + 51}\nf {c} {c + 51} {c + 50}\n" for c in corners]
+        tiles[k].write_text("".join([f"mtllib {k}.mtl\n", *lines, "usemtl wall\n", *faces]))
+        tiles[k].with_suffix(".mtl").write_text("newmtl wall\nKd 1 1 1\n")
+    output = tmp_path / "a.umbel"
+
+    def stop(_fraction: float, stage: str) -> None:
+        if stage.startswith("tier 2"):
+            raise Stop
+
+    with pytest.raises(Stop):
+        build_asset(tiles, output, unit_triangles=UNIT, workers=1, progress=stop)
+    tiles[1].with_suffix(".mtl").write_text("newmtl wall\nKd 1 0 0\n")
+    with pytest.raises(umbel.Error, match="the input has changed"):
+        build_asset(tiles, output, unit_triangles=UNIT, resume=True)
+    tiles[1].with_suffix(".mtl").write_text("newmtl wall\nKd 1 1 1\n")
+    build_asset(tiles, output, unit_triangles=UNIT, resume=True)
+    assert len(umbel.Asset(output).materials) == 1
+
+
 def test_other_setting_is_refused_by_name(terrain: Path, tmp_path: Path) -> None:
     stopped(terrain, tmp_path / "a.umbel")
     with pytest.raises(umbel.Error, match="max_triangles was 128 and is now 64"):
