@@ -147,7 +147,7 @@ class Shading:
         if image is None:
             return NO_TEXTURE
         info = material.textures.get(slot, {})
-        moved = (info.get("extensions") or {}).get("KHR_texture_transform") or {}
+        moved = _object(_object(info.get("extensions")).get("KHR_texture_transform"))
         uv_set = moved.get("texCoord", info.get("texCoord", 0))
         if not isinstance(uv_set, int) or not 0 <= uv_set < self._uv_sets:
             self._say(
@@ -195,6 +195,10 @@ def plain(albedo: float = 0.75) -> _umbel.TraceMaterial:
     out.base_color = (albedo, albedo, albedo)
     out.specular = 0.0
     return out
+
+
+def _object(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
 
 
 def _number(value: Any) -> float:

@@ -55,7 +55,8 @@ class _Extension:
 
     def scale(self, key: str) -> float:
         info = self.json.get(key)
-        return float(info.get("scale", 1.0)) if isinstance(info, dict) else 1.0
+        scale = info.get("scale", 1.0) if isinstance(info, dict) else 1.0
+        return float(scale) if isinstance(scale, (int, float)) else 1.0
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,27 @@ def test_values_of_the_wrong_kind_are_as_if_absent(tmp_path: Path, name: str) ->
         assert getattr(material, key) == getattr(plain, key)
 
 
+@pytest.mark.parametrize(
+    "info",
+    [
+        {"scale": "much"},
+        {"scale": None},
+        {"extensions": [1]},
+        {"extensions": {"KHR_texture_transform": [1]}},
+    ],
+)
+def test_textures_with_values_of_the_wrong_kind_are_as_if_without(
+    tmp_path: Path, info: dict[str, Any]
+) -> None:
+    coat = "KHR_materials_clearcoat"
+    (material,), (plain,) = (
+        shading_of(tmp_path, {coat: {"clearcoatNormalTexture": TEXTURE | more}}).materials
+        for more in (info, {})
+    )
+    for key in ("clearcoat_normal_texture", "clearcoat_normal_scale"):
+        assert getattr(material, key) == getattr(plain, key)
+
+
 def test_extensions_that_are_not_rendered_are_one_warning_each(tmp_path: Path) -> None:
     material = GREY | {"name": "steel", "extensions": {"KHR_materials_anisotropy": {}}}
     path = write_square(tmp_path / "a.gltf", material, materials=[material, material])
