@@ -403,9 +403,9 @@ def _described(source: Source) -> dict[str, Any]:
 
 
 def _is_same_input(source: Source, path: Path, is_resumed: bool) -> bool:
-    """Whether the files are those that the build was begun with, by their sizes and times, and their
-    materials have the same numbers: files share those that are equal, so what is in a library or a
-    texture decides. Where they may not be, their triangles are compared."""
+    """Whether the files are those that the build was begun with, by their sizes and times, and
+    their materials have the same numbers: files share those that are equal, so what is in a library
+    or a texture decides. Where they may not be, their triangles are compared."""
     stamp: list[Any] = [len(source.materials), source.material_numbers]
     for file in source.files:
         status = file.stat()
