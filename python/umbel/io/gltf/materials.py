@@ -64,23 +64,23 @@ def read_material(entry: Json, image: Callable[[Any], TextureImage | None]) -> M
 
 def extension_textures(
     extensions: Json, known: Collection[str] = ()
-) -> Iterator[tuple[str, Json, str]]:
-    """Every textureInfo in a material's extensions: (slot, the object that it is in, its key).
-    Some extensions are one as a whole (MOZ_lightmap): those with an index, and `known` slots."""
-    for name, value in list(extensions.items()):
-        if isinstance(value, dict) and ("index" in value or name in known):
-            yield name, extensions, name
-    stack: list[tuple[str, Any]] = list(reversed(extensions.items()))
+) -> Iterator[tuple[str, Any, Any]]:
+    """Every textureInfo in a material's extensions: (slot, the object or array that it is in, its
+    key there). They are the objects with an index, those whose name says so, and `known` slots."""
+    stack: list[tuple[str, Any]] = [("", extensions)]
     while stack:
-        path, value = stack.pop()
-        if not isinstance(value, dict):
-            continue
-        for key in list(value):
-            inner = value[key]
-            if key.endswith("Texture") and isinstance(inner, dict):
-                yield f"{path}/{key}", value, key
-            elif key not in ("extras", "extensions"):
-                stack.append((f"{path}/{key}", inner))
+        path, holder = stack.pop()
+        entries = holder.items() if isinstance(holder, dict) else enumerate(holder)
+        inner: list[tuple[str, Any]] = []
+        for key, value in list(entries):
+            slot = f"{path}/{key}" if path else str(key)
+            if isinstance(value, dict) and (
+                type(value.get("index")) is int or str(key).endswith("Texture") or slot in known
+            ):
+                yield slot, holder, key
+            elif isinstance(value, (dict, list)) and key not in ("extras", "extensions"):
+                inner.append((slot, value))
+        stack += reversed(inner)
 
 
 def write_material(material: Material, reference: Reference | None = None) -> Json:
@@ -111,10 +111,13 @@ def write_material(material: Material, reference: Reference | None = None) -> Js
         info = _info(material, slot, {}, reference)
         if info is not None:
             (entry[section] if section else entry)[key] = info
-    for slot, parent, key in list(extension_textures(extensions, material.images)):
-        info = _info(material, slot, parent.pop(key), reference)
-        if info is not None:
-            parent[key] = info
+    known = {*material.images, *material.textures}
+    for slot, parent, key in list(extension_textures(extensions, known)):
+        info = _info(material, slot, parent[key], reference)
+        if info is not None or isinstance(parent, list):  # in which the others keep their places
+            parent[key] = info or {}
+        else:
+            del parent[key]
     if extensions:
         entry["extensions"] = extensions
     if material.extras is not None:

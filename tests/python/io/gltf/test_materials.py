@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+from PIL import Image
+
 from helpers.gltf_builder import INDICES, GltfBuilder, one, read
+from helpers.gltf_files import json_of
 from helpers.mesh_files import (
     TETRA_POSITIONS,
 )
+from umbel import Asset, build_lod
+from umbel.errors import LoadWarning
+from umbel.io import load, save
 
 
 def test_materials_are_read(tmp_path: Path) -> None:
@@ -62,3 +69,51 @@ def test_extensions_of_materials_are_kept_with_their_textures(tmp_path: Path) ->
     info = material.textures["KHR_materials_clearcoat/clearcoatTexture"]
     assert info == {"texCoord": 1}
     assert material.images["KHR_materials_clearcoat/clearcoatTexture"].path == tmp_path / "coat.png"
+
+
+def test_textures_of_unknown_extensions_are_found_by_their_indices(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.root["images"] = [{"uri": f"{k}.png"} for k in range(4)]
+    b.root["textures"] = [{"source": k} for k in range(4)]
+    layers = {
+        "layers": [{"map": {"index": 1}}, {"index": 2, "x": 5}, {"map": {"index": 7}}],
+        "values": {"u_paint": {"index": 1}},
+    }
+    b.root["materials"] = [
+        {
+            "extensions": {"ACME_layers": layers, "MOZ_lightmap": {"index": 0, "intensity": 2}},
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 3}},
+        }
+    ]
+    primitive = b.primitive(
+        {"POSITION": TETRA_POSITIONS, "TEXCOORD_0": TETRA_POSITIONS[:, :2].copy()}, INDICES
+    )
+    one({**primitive, "material": 0}, builder=b)
+    for k in range(4):
+        Image.new("RGB", (1, 1), (k, 0, 0)).save(tmp_path / f"{k}.png")
+    with pytest.warns(LoadWarning, match="a texture without an image"):
+        mesh = read(tmp_path, b)
+    save(tmp_path / "out.glb", mesh)
+    build_lod(mesh).save(tmp_path / "out.umbel")
+    for material in (
+        *mesh.materials,
+        *load(tmp_path / "out.glb").materials,
+        *Asset(tmp_path / "out.umbel").materials,
+    ):
+        reds = {slot: int(image.texels()[0, 0, 0]) for slot, image in material.images.items()}
+        assert reds == {
+            "base_color": 3,
+            "MOZ_lightmap": 0,
+            "ACME_layers/layers/0/map": 1,
+            "ACME_layers/layers/1": 2,
+            "ACME_layers/values/u_paint": 1,
+        }
+    written = json_of(tmp_path / "out.glb")["materials"][0]["extensions"]
+    numbers = [
+        written["ACME_layers"]["layers"][0]["map"]["index"],
+        written["MOZ_lightmap"]["index"],
+    ]
+    assert len({*numbers, written["ACME_layers"]["layers"][1]["index"]}) == 3
+    assert written["ACME_layers"]["layers"][1]["x"] == 5
+    assert written["ACME_layers"]["layers"][2] == {}
+    assert written["ACME_layers"]["values"]["u_paint"]["index"] == numbers[0]
