@@ -14,9 +14,14 @@
 namespace {
 
 std::atomic<size_t> in_use{0}, peak{0};
+thread_local long until_failure = -1;  // allocations; negative: none fails
 
 #ifdef UMBEL_COUNTS_HEAP
 void* counted(void* memory) {
+  if (until_failure >= 0 && until_failure-- == 0) {
+    std::free(memory);
+    memory = nullptr;
+  }
   if (!memory) throw std::bad_alloc();
   const size_t now = in_use += malloc_usable_size(memory);
   size_t most = peak.load(std::memory_order_relaxed);
@@ -67,5 +72,9 @@ bool HeapPeak::counts() {
 }
 
 size_t HeapPeak::bytes() const { return peak - before_; }
+
+FailingAllocation::FailingAllocation(size_t others) { until_failure = static_cast<long>(others); }
+FailingAllocation::~FailingAllocation() { until_failure = -1; }
+bool FailingAllocation::has_failed() const { return until_failure < 0; }
 
 }  // namespace umbel::testing

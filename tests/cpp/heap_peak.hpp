@@ -1,7 +1,9 @@
-// How many bytes of the heap a piece of work needs at its peak, counted by operator new.
+// How many bytes of the heap a piece of work needs at its peak, and what it does where there are
+// none, by operator new.
 #pragma once
 
 #include <cstddef>
+#include <new>
 
 namespace umbel::testing {
 
@@ -17,5 +19,38 @@ class HeapPeak {
  private:
   size_t before_;
 };
+
+/// While it lives, one allocation of this thread fails: the first, or that after `others`. One at a
+/// time.
+class FailingAllocation {
+ public:
+  /// Whether one can be made to fail here.
+  static bool works() { return HeapPeak::counts(); }
+  explicit FailingAllocation(size_t others);
+  ~FailingAllocation();
+  FailingAllocation(const FailingAllocation&) = delete;
+  FailingAllocation& operator=(const FailingAllocation&) = delete;
+  /// Whether there were so many.
+  bool has_failed() const;
+};
+
+/// Calls work() again and again, each time with a later allocation that fails, and after each
+/// failure check(), until all goes well.
+template <typename Work, typename Check>
+void fail_each_allocation(const Work& work, const Check& check) {
+  for (size_t others = 0;; ++others) {
+    bool done = false;
+    {
+      const FailingAllocation failing(others);
+      try {
+        work();
+        done = !failing.has_failed();
+      } catch (const std::bad_alloc&) {
+      }
+    }
+    if (done) return;
+    check();
+  }
+}
 
 }  // namespace umbel::testing

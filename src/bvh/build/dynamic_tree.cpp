@@ -104,11 +104,12 @@ void DynamicTree::Data::take(const Bvh2& built, std::span<const Aabb> boxes,
       halvings.push_back({left, h.first, half});
     }
   }
-  for (const uint32_t number : numbers) {
-    const uint32_t leaf = tree.leaf_of(number);
-    tree.set_box(leaf, tree.nodes()[leaf].box);
-  }
-  tree.refit();
+  tree.refit([&] {
+    for (const uint32_t number : numbers) {
+      const uint32_t leaf = tree.leaf_of(number);
+      tree.set_box(leaf, tree.nodes()[leaf].box);
+    }
+  });
   built_sah_cost = sah_cost();
 }
 
@@ -143,8 +144,9 @@ uint32_t DynamicTree::insert(const Aabb& box) {
   if (d.free_numbers.empty()) {
     if (d.is_used.size() >= kMost)
       throw Error(ErrorCode::kUnsupported, "a tree of 2^30 primitives is full");
-    d.free_numbers.push_back(static_cast<uint32_t>(d.is_used.size()));
+    d.free_numbers.reserve(1);
     d.is_used.push_back(0);
+    d.free_numbers.push_back(static_cast<uint32_t>(d.is_used.size() - 1));
   }
   const uint32_t number = d.free_numbers.back();
   d.tree.insert(number, without_negative_zero(box));
@@ -158,7 +160,12 @@ void DynamicTree::remove(uint32_t primitive) {
   Data& d = *data_;
   d.check_number(primitive);
   d.free_numbers.push_back(primitive);
-  d.tree.remove(d.tree.leaf_of(primitive));
+  try {
+    d.tree.remove(d.tree.leaf_of(primitive));
+  } catch (...) {
+    d.free_numbers.pop_back();
+    throw;
+  }
   d.is_used[primitive] = 0;
   --d.size;
 }
@@ -167,8 +174,14 @@ void DynamicTree::move(uint32_t primitive, const Aabb& box) {
   check_box(box);
   Data& d = *data_;
   d.check_number(primitive);
-  d.tree.remove(d.tree.leaf_of(primitive));
-  d.tree.insert(primitive, without_negative_zero(box));
+  const Aabb before = d.box(primitive);
+  const uint32_t sibling = d.tree.remove(d.tree.leaf_of(primitive));
+  try {
+    d.tree.insert(primitive, without_negative_zero(box));
+  } catch (...) {
+    d.tree.insert_beside(sibling, primitive, before);
+    throw;
+  }
 }
 
 void DynamicTree::refit(std::span<const uint32_t> primitives, std::span<const Aabb> boxes) {
@@ -179,9 +192,11 @@ void DynamicTree::refit(std::span<const uint32_t> primitives, std::span<const Aa
                                                  " boxes");
   for (const uint32_t primitive : primitives) d.check_number(primitive);
   for (const Aabb& box : boxes) check_box(box);
-  for (size_t i = 0; i < boxes.size(); ++i)
-    d.tree.set_box(d.tree.leaf_of(primitives[i]), without_negative_zero(boxes[i]));
-  if (!boxes.empty()) d.tree.refit();
+  if (boxes.empty()) return;
+  d.tree.refit([&] {
+    for (size_t i = 0; i < boxes.size(); ++i)
+      d.tree.set_box(d.tree.leaf_of(primitives[i]), without_negative_zero(boxes[i]));
+  });
 }
 
 void DynamicTree::rebuild(const Config& config, const BuildOptions& options) {
@@ -193,9 +208,13 @@ void DynamicTree::rebuild(const Config& config, const BuildOptions& options) {
     numbers.push_back(number);
     boxes.push_back(d.box(number));
   }
-  const Bvh2 built = bvh::build(boxes, config, options);
-  d.cost = config.cost;
-  d.take(built, boxes, numbers);
+  Data made;
+  made.cost = config.cost;
+  made.take(bvh::build(boxes, config, options), boxes, numbers);
+  made.is_used = std::move(d.is_used);
+  made.free_numbers = std::move(d.free_numbers);
+  made.size = d.size;
+  d = std::move(made);
 }
 
 size_t DynamicTree::size() const { return data_->size; }

@@ -15,7 +15,8 @@
 
 namespace umbel::bvh {
 
-/// Siblings are stored next to each other, in pairs.
+/// Siblings are stored next to each other, in pairs. A change for which there is no memory leaves
+/// the tree as it was.
 class GrowingTree {
  public:
   /// With room for so many primitives at once.
@@ -30,30 +31,35 @@ class GrowingTree {
   uint32_t leaf_of(uint32_t primitive) const { return leaves_[primitive]; }
 
   void insert(uint32_t primitive, const Aabb& box) {
+    if (free_pairs_.empty()) make_room();
+    if (is_tracking_) make_room_for_leaf(primitive);
+    insert_beside(pairs_ == 0 ? 0 : best_sibling(box, area_of(box)), primitive, box);
+  }
+  /// Needs no memory for a primitive that was just removed.
+  void insert_beside(uint32_t sibling, uint32_t primitive, const Aabb& box) {
     const DynamicNode leaf{box, Subtree::of_primitive(primitive).link, area_of(box)};
     if (pairs_ == 0) {
-      make_room();
       pairs_ = 1;  // the first holds the root alone
       put(0, leaf);
       return;
     }
-    const uint32_t sibling = best_sibling(box, leaf.half_area);
     const uint32_t pair = split(sibling);
     put(2 * pair + 1, leaf);
     climb(sibling);
   }
 
-  /// Takes out a leaf; its sibling takes the place of their parent.
-  void remove(uint32_t leaf) {
+  /// Takes out a leaf; its sibling takes the place of their parent, which is returned.
+  uint32_t remove(uint32_t leaf) {
     if (leaf == 0) {
       pairs_ = 0;
       free_pairs_.clear();
-      return;
+      return 0;
     }
     const uint32_t pair = leaf / 2, parent = parents_[pair];
-    put(parent, nodes_[leaf ^ 1]);
     free_pairs_.push_back(pair);
+    put(parent, nodes_[leaf ^ 1]);
     if (parent != 0) climb(parents_[parent / 2]);
+    return parent;
   }
 
   /// A root, to be put; for a tree that is made from the root down.
@@ -75,16 +81,17 @@ class GrowingTree {
     if (!node.is_leaf()) {
       parents_[node.link] = at;
     } else if (is_tracking_) {
-      const uint32_t primitive = node.primitive();
-      if (leaves_.size() <= primitive)
-        leaves_.resize(std::max<size_t>(primitive + 1, 2 * leaves_.size()));
-      leaves_[primitive] = at;
+      make_room_for_leaf(node.primitive());
+      leaves_[node.primitive()] = at;
     }
   }
 
-  /// Makes the boxes of all nodes those of their children, whose leaves' were set.
-  void refit() {
-    for (const uint32_t node : inner_nodes()) set_box(node, united_children(node));
+  /// Makes the boxes of all nodes those of their children, after set_leaves() has set the leaves'.
+  template <typename SetLeaves>
+  void refit(const SetLeaves& set_leaves) {
+    const std::vector<uint32_t> order = inner_nodes();
+    set_leaves();
+    for (const uint32_t node : order) set_box(node, united_children(node));
   }
   void set_box(uint32_t node, const Aabb& box) {
     nodes_[node].box = box;
@@ -132,8 +139,12 @@ class GrowingTree {
   void make_room() {
     if (nodes_.size() > 2 * size_t{pairs_} + 1) return;
     const size_t pairs = std::max<size_t>(16, nodes_.size());
-    nodes_.resize(2 * pairs);
     parents_.resize(pairs);
+    nodes_.resize(2 * pairs);  // last: its size says whether there is room
+  }
+  void make_room_for_leaf(uint32_t primitive) {
+    if (leaves_.size() > primitive) return;
+    leaves_.resize(std::max<size_t>(primitive + 1, 2 * leaves_.size()));
   }
   uint32_t new_pair() {
     if (!free_pairs_.empty()) {

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "bvh/tree_tests.hpp"
+#include "heap_peak.hpp"
 #include "umbel/bvh_traverse.hpp"
 #include "umbel/dynamic_bvh.hpp"
 #include "umbel/mesh.hpp"
@@ -188,6 +189,37 @@ TEST(DynamicTree, refuses_what_is_not_there_and_stays_as_it_was) {
   const DynamicTree other = std::move(tree);
   expect_holds(other, {{number, box}});
   EXPECT_EQ(tree.size(), 0u);  // NOLINT(bugprone-use-after-move)
+}
+
+TEST(DynamicTree, stays_as_it_was_where_there_is_no_memory_for_a_change) {
+  if (!testing::FailingAllocation::works()) GTEST_SKIP() << "operator new is another's";
+  const std::vector<Aabb> boxes = random_boxes(140, 5);
+  DynamicTree tree;
+  std::map<uint32_t, Aabb> truth;
+  const auto expect_unchanged = [&] { expect_holds(tree, truth); };
+  for (const Aabb& box : boxes) {
+    uint32_t number = 0;
+    testing::fail_each_allocation([&] { number = tree.insert(box); }, expect_unchanged);
+    truth.emplace(number, box);
+  }
+  BuildOptions one_thread;
+  one_thread.threads = 1;
+  testing::fail_each_allocation([&] { tree.rebuild({}, one_thread); }, expect_unchanged);
+  for (uint32_t i = 0; i < 60; ++i) {
+    const Aabb& there = boxes[(7 * i) % boxes.size()];
+    testing::fail_each_allocation([&] { tree.move(i, there); }, expect_unchanged);
+    truth[i] = there;
+  }
+  const std::vector<uint32_t> some{3, 50, 99};
+  const std::vector<Aabb> moved(some.size(), boxes[0]);
+  testing::fail_each_allocation([&] { tree.refit(some, moved); }, expect_unchanged);
+  for (const uint32_t number : some) truth[number] = boxes[0];
+  while (!truth.empty()) {
+    const uint32_t number = truth.begin()->first;
+    testing::fail_each_allocation([&] { tree.remove(number); }, expect_unchanged);
+    truth.erase(number);
+  }
+  expect_unchanged();
 }
 
 }  // namespace
