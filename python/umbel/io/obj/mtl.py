@@ -30,7 +30,7 @@ _READ_OPTIONS = ("-o", "-s", "-clamp")
 #: What is between words. Names may have other white space.
 _BLANKS = " \t\v\f"
 _WORD = re.compile(rf"[^{_BLANKS}]+")
-_STATEMENT = re.compile(rf"[{_BLANKS}]*([^{_BLANKS}]+)[{_BLANKS}]+([^{_BLANKS}].*)")
+_STATEMENT = re.compile(rf"[{_BLANKS}]*([^{_BLANKS}]+)(?:[{_BLANKS}]+([^{_BLANKS}].*))?")
 _LINE_END = re.compile(r"\r\n?|\n")
 _CONTINUED = re.compile(rf"\\[{_BLANKS}]*(?:{_LINE_END.pattern})")
 #: A comment, which is no part of a name that has the sign inside.
@@ -42,14 +42,16 @@ def read_mtl(data: bytes, folder: Folder | None = None, where: str = "") -> dict
     """The materials of a library by name, as `as_name` has it; one warning names the statements
     that are left out. Images are files in `folder`. `where` names the library in warnings."""
     found: dict[str, Material] = {}
-    current = _Statements(Material(), folder, where)
+    current: _Statements | None = None
     lost: dict[str, None] = {}
     for word, rest in _statements(data):
         if word.lower() == "newmtl":
+            if rest in found:
+                lost[f"all but the last material {shown_name(rest)!r}"] = None
             current = _Statements(Material(name=shown_name(rest)), folder, where)
             found[rest] = current.material
         else:
-            lost.update(dict.fromkeys(current.take(word, rest)))
+            lost.update(dict.fromkeys(current.take(word, rest) if current else [word]))
     if lost:
         more = [f"and {len(lost) - _SHOWN} more"] if len(lost) > _SHOWN else []
         left_out = text_of(", ".join([*list(lost)[:_SHOWN], *more]))
@@ -84,12 +86,13 @@ def words_of(text: str) -> list[str]:
 
 
 def _statements(data: bytes) -> Iterator[tuple[str, str]]:
-    """The first word of each line and what follows it, without comments."""
+    """The first word of each line and what follows it, without comments. Only a material may lack
+    what follows: its name."""
     text = _CONTINUED.sub(" ", as_name(data.removeprefix(BOM)))
     for line in _LINE_END.split(text):
         found = _STATEMENT.match(_COMMENT.sub("", line) if "#" in line else line)
-        if found:
-            yield found[1], found[2].rstrip(_BLANKS)
+        if found and (found[2] or found[1].lower() == "newmtl"):
+            yield found[1], (found[2] or "").rstrip(_BLANKS)
 
 
 class _Statements:

@@ -53,6 +53,21 @@ def test_a_library_that_is_read_whole_says_nothing(tmp_path: Path) -> None:
     assert material.extensions["KHR_materials_ior"] == {"ior": 1.4}
 
 
+def test_a_material_without_a_name_is_one_of_its_own(tmp_path: Path) -> None:
+    library = "newmtl m\nKd 1 0 0\nnewmtl\nKd 0 1 0\n"
+    for name, color in (("m", (1, 0, 0, 1)), ("", (0, 1, 0, 1))):
+        material, said = read(tmp_path, library, name)
+        assert (material.base_color, said) == (color, [])
+
+
+def test_statements_of_no_material_and_materials_that_are_replaced_are_named(
+    tmp_path: Path,
+) -> None:
+    material, [said] = read(tmp_path, "Kd 0 0 1\nnewmtl m\nKd 1 0 0\nnewmtl m\nKd 0 1 0\n")
+    assert material.base_color == (0, 1, 0, 1)
+    assert said.endswith("left out: Kd, all but the last material 'm'")
+
+
 def test_opacity_of_halos_is_opacity(tmp_path: Path) -> None:
     material, [said] = read(tmp_path, "newmtl m\nd -halo 0.25\n")
     assert (material.base_color[3], material.alpha_mode) == (0.25, "BLEND")
