@@ -123,7 +123,8 @@ typedef struct umbel_stream_step {
 UMBEL_STRUCT_INIT(umbel_stream_step)
 
 /// Takes over pages that have arrived, updates the cut for these views, and requests missing pages.
-/// `seconds` is the time on any clock that does not run backwards.
+/// `seconds` is the time on any clock that does not run backwards. After UMBEL_ERROR_OUT_OF_MEMORY
+/// the cut is empty until the next step, which begins again with the pages in memory.
 UMBEL_C_API umbel_result umbel_residency_step(umbel_residency* residency,
                                               const umbel_stream_view* views, size_t view_count,
                                               double seconds, umbel_stream_step* step);

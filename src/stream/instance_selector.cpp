@@ -68,9 +68,9 @@ struct InstanceSelector::State {
   uint64_t steps = 1;
 
   void insert(uint32_t node, std::unique_ptr<Page> page) {
+    loaded.push_back(node);  // first, as it may fail
     page->last_step = steps;
     bytes += page->bytes();
-    loaded.push_back(node);
     pages[node] = std::move(page);
   }
 

@@ -108,6 +108,9 @@ struct Residency::State {
   std::vector<PageArrival> waiting;  // have arrived, for a later step
   uint64_t lists = 0;
   ResidencyStatistics statistics;
+  bool is_torn = false;  // a step has begun and not ended: only what is in `pages` holds
+
+  std::unique_ptr<State> mended();
 
   // ---- loading and evicting
 
@@ -132,6 +135,30 @@ struct Residency::State {
     return static_cast<float>(tracker.pages().priority(page) / asset->page_bytes(page));
   }
 };
+
+/// After a step that threw: the same pages, loader and statistics, and the rest from the beginning.
+std::unique_ptr<Residency::State> Residency::State::mended() {
+  auto made = std::make_unique<State>(*asset, config);
+  made->statistics = statistics;
+  made->statistics.resident_bytes = 0;
+  made->statistics.given_up.clear();
+  for (uint32_t p = 0; p < pages.size(); ++p) {
+    PageSlot& slot = made->pages[p];
+    slot = pages[p];
+    slot.state = slot.data ? PageState::kResident : PageState::kAbsent;
+    slot.listed = 0;
+    if (slot.given_up) made->statistics.given_up.push_back(p);
+    if (!slot.data) continue;
+    made->tracker.install(*slot.data);
+    made->resident.push_back(p);
+    if (!slot.pinned) made->unused.insert(made->age(p));
+    made->statistics.resident_bytes += asset->page_bytes(p);
+  }
+  for (const uint32_t page : in_flight)
+    if (loader) loader->cancel(page);
+  made->loader = std::move(loader);
+  return made;
+}
 
 void Residency::State::install(uint32_t page, std::shared_ptr<const AssetPage> data, double now) {
   PageSlot& slot = pages[page];
@@ -353,9 +380,11 @@ Residency& Residency::operator=(Residency&&) noexcept = default;
 Residency::~Residency() = default;
 
 StreamStep Residency::step(std::span<const StreamView> views, double now) {
+  for (size_t i = 0; i < views.size(); ++i) check(views[i], i, state_->asset->meshes().size());
+  if (state_->is_torn) state_ = state_->mended();
   State& state = *state_;
-  for (size_t i = 0; i < views.size(); ++i) check(views[i], i, state.asset->meshes().size());
   StreamStep result;
+  state.is_torn = true;
   state.candidates_are_known = false;
   if (state.loader) state.take_arrivals(now, result);
   const uint64_t before = state.tracker.work();
@@ -372,10 +401,14 @@ StreamStep Residency::step(std::span<const StreamView> views, double now) {
   for (const stream::MissingList::Missing& group : state.tracker.missing())
     result.worst_error = std::max(result.worst_error, group.ratio);
   ++state.statistics.steps;
+  state.is_torn = false;
   return result;
 }
 
-std::span<const StreamCluster> Residency::cut() const { return state_->tracker.cut(); }
+std::span<const StreamCluster> Residency::cut() const {
+  if (state_->is_torn) return {};
+  return state_->tracker.cut();
+}
 
 std::shared_ptr<const AssetPage> Residency::page(uint32_t page) const {
   return page < state_->pages.size() ? state_->pages[page].data : nullptr;

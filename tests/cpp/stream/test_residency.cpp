@@ -10,6 +10,7 @@
 #include <string>
 #include <thread>
 
+#include "heap_peak.hpp"
 #include "stream/world.hpp"
 
 namespace umbel {
@@ -262,6 +263,41 @@ TEST(Residency, reads_again_what_came_short_or_corrupt) {
   EXPECT_EQ(said.failures, 2 * (said.loads - 1));  // all but the roots' page, twice each
   EXPECT_TRUE(said.given_up.empty());
   EXPECT_TRUE(problems.contains("the file ends early"));
+}
+
+TEST(Residency, goes_on_after_steps_for_which_there_was_no_memory) {
+  if (!testing::FailingAllocation::works()) GTEST_SKIP() << "operator new is another's";
+  ResidencyConfig config;
+  config.budget_bytes = world().bytes() / 3;
+  Streamed s(config);
+  const lod::View views[] = {seen_from({1.2f, 0, 0}), seen_from({0, 1.2f, 0.3f})};
+  size_t others = 0, failures = 0;
+  for (int i = 0; i < 800; ++i) {
+    const lod::View& view = views[i / 20 % 2];
+    bool has_failed = false;
+    if (i % 3 == 0) {
+      const testing::FailingAllocation failing(others);
+      try {
+        s.step(view);
+      } catch (const std::bad_alloc&) {
+        has_failed = true;
+      }
+    } else {
+      s.step(view);
+    }
+    others = has_failed ? others + 1 : 0;
+    failures += has_failed;
+    if (has_failed)
+      EXPECT_TRUE(s.residency.cut().empty());
+    else
+      world().expect_whole(s.residency);
+    EXPECT_LE(s.residency.statistics().resident_bytes, config.budget_bytes);
+  }
+  EXPECT_GT(failures, 100u);
+  const StreamStep last = s.settle(lod::view_error(0.02f));
+  EXPECT_EQ(last.missing_groups, 0u);
+  EXPECT_EQ(world().clusters(s.residency),
+            lod::select(world().asset().tables(), lod::view_error(0.02f)));
 }
 
 TEST(Residency, shows_several_views_of_what_it_has) {
