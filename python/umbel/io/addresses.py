@@ -133,5 +133,15 @@ def _bytes_at(address: str) -> bytes:
         with fsspec.open(address, "rb") as file:
             return bytes(file.read())
     except Exception as error:  # every file system has its own
-        reason = str(error) or type(error).__name__
-        raise Error(f"cannot open {address}: {reason}") from None
+        raise Error(f"cannot open {address}: {reason_of(error)}") from None
+
+
+def reason_of(error: Exception) -> str:
+    """What is wrong at an address. That of a web server is in the cause: the error has only the
+    address."""
+    if not isinstance(error, FileNotFoundError):
+        return str(error) or type(error).__name__
+    cause = error.__cause__
+    if hasattr(cause, "status"):
+        return f"the server answers {cause.status} {getattr(cause, 'message', '')}".strip()
+    return str(cause or "no such file")

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import BinaryIO
 
 from umbel.errors import Error
+from umbel.io.addresses import reason_of
 
 Read = Callable[[int, int], bytes]
 
@@ -21,14 +22,17 @@ def remote(url: str) -> tuple[int, Read]:
         system, path = fsspec.core.url_to_fs(url)
         size = system.size(path)
     except Exception as error:  # every file system has its own
-        raise Error(f"cannot open {url}: {error}") from None
+        raise Error(f"cannot open {url}: {reason_of(error)}") from None
     if size is None:
         raise Error(f"cannot open {url}: it does not say how large it is")
 
     def read(offset: int, count: int) -> bytes:
         if count == 0:
             return b""
-        return bytes(system.cat_file(path, start=offset, end=offset + count))
+        data = bytes(system.cat_file(path, start=offset, end=offset + count))
+        if len(data) == size > count:
+            raise Error("the server sends whole files only; it must know byte ranges")
+        return data
 
     return int(size), read
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from umbel.errors import Error
-from umbel.io.addresses import name_of
+from umbel.io.addresses import name_of, reason_of
 
 
 def is_address(name: Any) -> bool:
@@ -174,7 +174,7 @@ def fetch_sources(names: Sequence[str], folder: Path) -> list[Path]:
                 system.get_file(at, str(path))
                 tag.write_text(which)
         except Exception as error:
-            raise Error(f"cannot read {name}: {error}") from None
+            raise Error(f"cannot read {name}: {reason_of(error)}") from None
         paths.append(path)
     return paths
 

@@ -79,6 +79,21 @@ def test_an_asset_opens_from_a_server_with_few_bytes(server: str, folder: Path) 
         umbel.Asset(f"{server}/missing.umbel")
 
 
+def test_a_server_without_ranges_is_called_so(folder: Path) -> None:
+    pytest.importorskip("aiohttp")
+    plain = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), plain) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        address = f"http://127.0.0.1:{server.server_address[1]}"
+        with pytest.raises(umbel.Error, match="sends whole files only"):
+            umbel.Asset(f"{address}/a.umbel")
+        with pytest.raises(umbel.Error, match="cannot open .*: the server answers 404 "):
+            umbel.Asset(f"{address}/missing.umbel")
+        server.shutdown()
+        thread.join()
+
+
 def test_an_asset_opens_from_memory_an_archive_and_an_open_file(folder: Path) -> None:
     fsspec = pytest.importorskip("fsspec")
     data = (folder / "a.umbel").read_bytes()
