@@ -142,7 +142,10 @@ def read_header(data: bytes, where: str) -> tuple[str, list[Element], int, bytes
                 raise Error(f"{place}: there are two elements named {words[1]!r}")
             elements.append(Element(words[1], int(words[2][:20])))
         elif words[0] == "property" and elements:
-            elements[-1].properties.append(_property(words, line, place))
+            added = _property(words, line, place)
+            if any(p.name == added.name for p in elements[-1].properties):
+                _warn(f"{place}: all but the last property {added.name!r} are left out")
+            elements[-1].properties.append(added)
         else:
             raise Error(f"{place}: header line {line[:80]!r} makes no sense")
     if not byte_order:
@@ -348,11 +351,12 @@ def _ascii_element(
 
 
 def _typed(values: NDArray[Any], type_name: str) -> NDArray[Any]:
-    """Numbers of an ASCII file as their declared type, where that keeps them; wide indices stay."""
+    """Numbers of an ASCII file as their declared type, where that keeps them; wide indices and
+    fractions stay."""
     dtype = np.dtype(type_name)
     if dtype.kind == "f":
         with np.errstate(over="ignore"):
             return values.astype(dtype)
     info = np.iinfo(dtype)
-    fits = dtype.itemsize < 8 and bool(((values >= info.min) & (values <= info.max)).all())
-    return values.astype(dtype) if fits else values
+    fits = (values >= info.min) & (values <= info.max) & (values == np.floor(values))
+    return values.astype(dtype) if dtype.itemsize < 8 and bool(fits.all()) else values

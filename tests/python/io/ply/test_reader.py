@@ -300,6 +300,31 @@ def test_faces_of_two_corners_and_indices_that_are_none_are_named(tmp_path: Path
         validate(mesh)
 
 
+def test_fractions_in_text_are_kept_whatever_type_is_declared(tmp_path: Path) -> None:
+    kinds = [("double", name) for name in ("x", "y", "z", "red", "green", "blue")]
+    points = [(0.5, 0, 0, 0.5, 1, 0), (1, 0.25, 0, 1, 1, 0), (0, 1, 0, 0, 1, 0)]
+    face = [("list", "uchar", "double", "vertex_indices")]
+
+    def text(corners: list[float]) -> bytes:
+        made = ply_bytes([("vertex", kinds, points), ("face", face, [(corners,)])], "ascii")
+        return made.replace(b"double", b"int")
+
+    mesh = read(tmp_path, text([0, 1, 2]))
+    assert mesh.positions.tolist() == [[0.5, 0, 0], [1, 0.25, 0], [0, 1, 0]]
+    assert mesh.colors[0].tolist() == pytest.approx([float(linear(0.5)), 1, 0, 1])
+    mesh = read(tmp_path, text([0, 1, 1.75]))
+    with pytest.raises(Error, match=r"mesh.ply: face 0 has vertex index 1.75, of 3 there are"):
+        validate(mesh)
+
+
+def test_properties_of_one_name_are_a_warning(tmp_path: Path) -> None:
+    points = [(0, 0, 0, 5), (1, 0, 0, 6), (0, 1, 0, 7)]
+    twice = [*XYZ, ("float", "x")]
+    data = ply_bytes([("vertex", twice, points), ("face", FACE, [([0, 1, 2],)])])
+    with pytest.warns(LoadWarning, match="line 8: all but the last property 'x' are left out"):
+        assert read(tmp_path, data).positions[:, 0].tolist() == [5, 6, 7]
+
+
 def test_damage_in_text_is_named_with_its_line(tmp_path: Path) -> None:
     lines = ASCII.decode().split("\n")
     first = lines.index("end_header") + 1
