@@ -142,6 +142,7 @@ def reason_of(error: Exception) -> str:
     if not isinstance(error, FileNotFoundError):
         return str(error) or type(error).__name__
     cause = error.__cause__
-    if hasattr(cause, "status"):
-        return f"the server answers {cause.status} {getattr(cause, 'message', '')}".strip()
+    status = getattr(cause, "status", None)
+    if status is not None:
+        return f"the server answers {status} {getattr(cause, 'message', '')}".strip()
     return str(cause or "no such file")

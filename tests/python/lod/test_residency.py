@@ -88,7 +88,7 @@ def test_a_server_without_ranges_is_called_so(folder: Path) -> None:
         address = f"http://127.0.0.1:{server.server_address[1]}"
         with pytest.raises(umbel.Error, match="sends whole files only"):
             umbel.Asset(f"{address}/a.umbel")
-        with pytest.raises(umbel.Error, match="cannot open .*: the server answers 404 "):
+        with pytest.raises(umbel.Error, match=r"cannot open .*: the server answers 404 "):
             umbel.Asset(f"{address}/missing.umbel")
         server.shutdown()
         thread.join()
