@@ -7,6 +7,9 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Material
 from umbel.io.files import BOM, text_of
@@ -25,6 +28,10 @@ _ANY_MAP = ("map_", "bump", "norm", "disp", "decal", "refl")
 #: Options of maps with one word, and the most numbers of the others.
 _WORDS = ("-blendu", "-blendv", "-boost", "-texres", "-clamp", "-imfchan", "-type", "-cc",
           "-colorspace")  # fmt: skip
+#: How far apart the channels of a grey image are, on average, at most. Of a map of normals, whose
+#: blue is more than a half, they are farther.
+_GREY = 16
+_LOOKED_AT = 256  # texels a side
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1}
 _READ_OPTIONS = ("-o", "-s", "-clamp")
 #: What is between words. Names may have other white space.
@@ -43,12 +50,13 @@ def read_mtl(data: bytes, folder: Folder | None = None, where: str = "") -> dict
     that are left out. Images are files in `folder`. `where` names the library in warnings."""
     found: dict[str, Material] = {}
     current: _Statements | None = None
+    grey: dict[str, bool] = {}
     lost: dict[str, None] = {}
     for word, rest in _statements(data):
         if word.lower() == "newmtl":
             if rest in found:
                 lost[f"all but the last material {shown_name(rest)!r}"] = None
-            current = _Statements(Material(name=shown_name(rest)), folder, where)
+            current = _Statements(Material(name=shown_name(rest)), folder, where, grey)
             found[rest] = current.material
         else:
             lost.update(dict.fromkeys(current.take(word, rest) if current else [word]))
@@ -98,9 +106,12 @@ def _statements(data: bytes) -> Iterator[tuple[str, str]]:
 class _Statements:
     """One material, as the lines after `newmtl` make it."""
 
-    def __init__(self, material: Material, folder: Folder | None, where: str) -> None:
+    def __init__(
+        self, material: Material, folder: Folder | None, where: str, grey: dict[str, bool]
+    ) -> None:
         self.material = material
         self._folder, self._where = folder, where
+        self._grey = grey  # which images are, of those that were looked at
         self._has_roughness = False  # of its own: then the exponent does not count
 
     def take(self, word: str, rest: str) -> list[str]:
@@ -142,6 +153,8 @@ class _Statements:
 
     def _map(self, slot: str, word: str, rest: str) -> list[str]:
         options, name = _options(rest)
+        if slot == "normal" and word.lower() != "norm" and self._has_heights(name):
+            return [f"{word} with a map of heights"]
         read = (*_READ_OPTIONS, "-bm") if slot == "normal" else _READ_OPTIONS
         lost = [f"{word} {key}" for key, values in options.items() if key not in read or not values]
         info: dict[str, Any] = {"uri": shown_name(name), "line": shown_name(f"{word} {rest}")}
@@ -165,6 +178,23 @@ class _Statements:
             path=path, wrap_u=wrap, wrap_v=wrap, bottom_up=not moved
         )
         return lost
+
+    def _has_heights(self, name: str) -> bool:
+        """Whether an image is grey, as maps of heights are, which `bump` is in OBJ."""
+        if self._folder is None:
+            return False
+        if name not in self._grey:
+            try:
+                self._grey[name] = _is_grey(TextureImage(path=self._folder.find(name)).texels())
+            except Error:
+                self._grey[name] = False
+        return self._grey[name]
+
+
+def _is_grey(texels: NDArray[np.uint8]) -> bool:
+    height, width = (max(1, size // _LOOKED_AT) for size in texels.shape[:2])
+    colors = texels[::height, ::width, :3].astype(np.int16)
+    return bool(np.ptp(colors, axis=2).mean() <= _GREY)
 
 
 def _options(rest: str) -> tuple[dict[str, list[str]], str]:

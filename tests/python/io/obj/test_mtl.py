@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 from umbel.errors import LoadWarning
 from umbel.io import load
@@ -66,6 +67,22 @@ def test_statements_of_no_material_and_materials_that_are_replaced_are_named(
     material, [said] = read(tmp_path, "Kd 0 0 1\nnewmtl m\nKd 1 0 0\nnewmtl m\nKd 0 1 0\n")
     assert material.base_color == (0, 1, 0, 1)
     assert said.endswith("left out: Kd, all but the last material 'm'")
+
+
+@pytest.mark.parametrize("mode", ["L", "RGB", "I;16"])
+def test_maps_of_heights_are_no_maps_of_normals(tmp_path: Path, mode: str) -> None:
+    Image.new(mode, (300, 2), 99 if mode != "RGB" else (99, 104, 95)).save(tmp_path / "b.png")
+    library = "newmtl m\nmap_Bump -bm 0.5 b.png\n"
+    material, [said] = read(tmp_path, library)
+    assert said.endswith("left out: map_Bump with a map of heights")
+    assert not material.textures and not material.images
+    material, [said] = read(tmp_path, "newmtl m\nnorm n.png\nbump b.png\n")
+    assert material.textures["normal"]["uri"] == "n.png"
+    Image.new("RGB", (2, 300), (120, 135, 250)).save(tmp_path / "b.png")
+    material, said = read(tmp_path, library)
+    assert (list(material.images), material.textures["normal"]["scale"], said) == (
+        *(["normal"], 0.5, []),
+    )
 
 
 def test_opacity_of_halos_is_opacity(tmp_path: Path) -> None:
