@@ -117,6 +117,28 @@ def test_obj_of_an_obj_is_the_same(tmp_path: Path) -> None:
         assert found.path.name == name and found.encoded() == image(7).encoded()
 
 
+def test_obj_has_no_opacity_of_what_is_opaque(tmp_path: Path) -> None:
+    for mode, opacity in (("OPAQUE", 1.0), ("BLEND", 0.25)):
+        material = umbel.Material("m", base_color=(1, 1, 1, 0.25), alpha_mode=mode)
+        umbel.save(tmp_path / "a.obj", square(material))
+        [read] = umbel.load(tmp_path / "a.obj").materials
+        assert (read.base_color[3], read.alpha_mode) == (opacity, mode)
+
+
+@pytest.mark.parametrize("materials", [[], [umbel.Material("first")]])
+def test_obj_has_numbers_of_materials_that_are_not_there(
+    tmp_path: Path, materials: list[umbel.Material]
+) -> None:
+    mesh = square(umbel.Material())
+    mesh.materials, mesh.material_ids = materials, np.array([0, 7], np.uint32)
+    umbel.save(tmp_path / "a.obj", mesh)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # no library has the material
+        read = umbel.load(tmp_path / "a.obj")
+    names = [read.materials[k].name for k in read.material_ids]
+    assert names == [materials[0].name if materials else "material_0", "material_7"]
+
+
 def test_obj_says_that_it_has_no_samplers_and_no_backs(tmp_path: Path) -> None:
     mesh = square(umbel.Material(double_sided=True, images={"base_color": image(1, nearest=True)}))
     says = "which materials are double-sided; how textures are filtered or mirrored"

@@ -87,6 +87,7 @@ class MtlWriter:
 
     def _material(self, material: Material, name: str) -> str:
         r, g, b, a = material.base_color
+        a = 1.0 if material.alpha_mode == "OPAQUE" else a  # which then counts for nothing
         lines = [
             f"newmtl {name}",
             f"Kd {r:.9g} {g:.9g} {b:.9g}",

@@ -64,8 +64,9 @@ def _write(file: IO[bytes], mesh: Mesh, library: MtlWriter) -> None:
     }[mesh.uvs is not None, mesh.normals is not None]
     faces = np.repeat(mesh.triangles.astype(np.int64) + 1, corner.count("%d"), axis=1)
     for start, stop, material in _runs(mesh):
-        if material is not None and material < len(names):
-            file.write(f"usemtl {names[material]}\n".encode())
+        if material is not None:
+            name = names[material] if material < len(names) else f"material_{material}"
+            file.write(f"usemtl {name}\n".encode())
         _write_rows(file, "f" + corner * 3, faces[start:stop])
 
 
