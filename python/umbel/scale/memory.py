@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from pathlib import Path
 
@@ -40,11 +41,28 @@ def is_too_large(source: str | os.PathLike[str], memory: float | str | None = No
     """Whether a build of a file in memory would take more than `memory`, by default three quarters
     of what is free: a guess, from the file's size."""
     try:
-        size = Path(source).stat().st_size
+        size = _size_of(Path(source))
     except (OSError, ValueError):
         return False
     # Most files are small, whatever is free.
     return size * _IN_MEMORY > (64 << 20) and size * _IN_MEMORY > limit_of(memory)
+
+
+def _size_of(path: Path) -> int:
+    """Of a .gltf with its buffers, as it says that they are."""
+    size = path.stat().st_size
+    if path.suffix.lower() != ".gltf":
+        return size
+    try:
+        buffers = json.loads(path.read_bytes())["buffers"]
+        return size + sum(int(buffer["byteLength"]) for buffer in buffers)
+    except (
+        LookupError,
+        RecursionError,
+        TypeError,
+        ValueError,
+    ):  # reading it as a mesh says what is wrong
+        return size
 
 
 def free_bytes() -> int:

@@ -308,3 +308,15 @@ def test_no_flag_is_suggested_that_units_do_not_have(tmp_path: Path) -> None:
 
 def test_small_files_are_never_too_large(terrain: Path) -> None:
     assert not is_too_large(terrain, memory="1MB")
+
+
+def test_buffers_of_a_gltf_count(tmp_path: Path) -> None:
+    gltf = tmp_path / "a.gltf"
+    gltf.write_text('{"buffers": [{"uri": "a.bin", "byteLength": 100000000}, {"byteLength": 3}]}')
+    assert is_too_large(gltf, memory="700MB") and not is_too_large(gltf, memory="900MB")
+    command = umbel_command("build", gltf, "-o", tmp_path / "a.umbel", "--memory", "700MB")
+    done = subprocess.run([*command, "--lock-borders"], capture_output=True, text=True)
+    assert "does not fit into that memory" in done.stderr
+    for wrong in ("[", "[" * 100_000, '{"buffers": 3}', '{"buffers": [{}]}'):
+        gltf.write_text(wrong)
+        assert not is_too_large(gltf, memory="1MB")

@@ -172,7 +172,8 @@ def in_units(sources: Sequence[str], output: Path, options: Options, limits: Lim
 def _is_too_large(source: str, limits: Limits) -> bool:
     try:
         # Most are small, and need nothing imported.
-        if Path(source).stat().st_size < 1 << 20:
+        has_all = not source.lower().endswith(".gltf")
+        if has_all and Path(source).stat().st_size < 1 << 20:
             return False
     except OSError:
         return False
