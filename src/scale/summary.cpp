@@ -29,6 +29,9 @@ uint64_t hash_of(const io::TriangleBlock& block, uint32_t v) {
   add(block.tangents);
   add(block.uvs);
   add(block.colors);
+  const size_t width = block.extra_values.size() / block.positions.size();
+  for (size_t k = v * width; k < (v + 1) * width; ++k)
+    hash = mix64(hash ^ std::bit_cast<uint32_t>(block.extra_values[k]));
   return hash ^ hash_of(block.positions[v]);
 }
 

@@ -32,6 +32,9 @@ TEST(Summary, TheFingerprintKnowsEveryValueAndTheOrder) {
   other.uvs[5].y += 0.001f;
   EXPECT_NE(print(other), same);
   other = mesh;
+  other.extra_values[5] += 0.001f;
+  EXPECT_NE(print(other), same);
+  other = mesh;
   other.materials[5] ^= 1;
   EXPECT_NE(print(other), same);
   other = mesh;
