@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cinttypes>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <map>
 #include <span>
@@ -40,7 +41,10 @@ std::string manifest_of(const Identity& identity) {
     std::string out = "\"";
     for (const char c : text) {
       if (c == '"' || c == '\\') out += '\\';
-      if (static_cast<unsigned char>(c) >= 0x20) out += c;
+      if (static_cast<unsigned char>(c) < 0x20)
+        out.append("\\u00").append(1, c < 0x10 ? '0' : '1').append(1, "0123456789abcdef"[c % 16]);
+      else
+        out += c;
     }
     return out += '"';
   };
@@ -50,6 +54,15 @@ std::string manifest_of(const Identity& identity) {
     text.append("  ").append(quoted(name)).append(": ").append(quoted(value));
   }
   return text + std::string(kChecksum) + checksum_of(text) + kEnd;
+}
+
+// The character at `i`, which is moved to its last byte.
+char unescaped(const std::string& text, size_t& i) {
+  if (text[i] != '\\' || i + 1 == text.size()) return text[i];
+  if (text[++i] != 'u') return text[i];
+  const std::string digits = text.substr(i + 1, 4);
+  i += digits.size();
+  return static_cast<char>(std::strtol(digits.c_str(), nullptr, 16));
 }
 
 // The strings of such an object, in pairs.
@@ -71,8 +84,7 @@ std::map<std::string, std::string> fields_of(const fs::path& path) {
       inside = !inside;
       if (inside) strings.emplace_back();
     } else if (inside) {
-      if (text[i] == '\\' && i + 1 < text.size()) ++i;
-      strings.back() += text[i];
+      strings.back() += unescaped(text, i);
     }
   }
   if (!file || inside || strings.size() % 2 != 0 || !is_whole || !text.ends_with("}\n"))

@@ -262,6 +262,16 @@ def test_killed_command_goes_on(terrain: Path, tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["a.umbel"]
 
 
+def test_names_of_files_may_have_any_characters(
+    terrain: Path, expected: bytes, tmp_path: Path
+) -> None:
+    mesh = tmp_path / 'a\n\tmesh \\u0041 "\x1f".ply'
+    shutil.copy(terrain, mesh)
+    stopped(mesh, tmp_path / "a.umbel")
+    build_asset(mesh, tmp_path / "a.umbel", unit_triangles=UNIT, resume=True)
+    assert (tmp_path / "a.umbel").read_bytes()[-1000:] == expected[-1000:]
+
+
 def test_full_disk_is_a_sentence_and_resumable(terrain: Path, tmp_path: Path) -> None:
     output = tmp_path / "a.umbel"
     command = umbel_command("build", terrain, "-o", output, "--unit-triangles", UNIT)
