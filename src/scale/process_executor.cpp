@@ -34,6 +34,9 @@ namespace fs = std::filesystem;
 // A process that is killed may have been the largest when memory ran out: it is tried again.
 constexpr int kTries = 3;
 
+// A worker ends with this and its error's code.
+constexpr int kFirstCode = 10;
+
 class ProcessExecutor final : public Executor {
  public:
   ProcessExecutor(fs::path work, std::vector<std::string> command, size_t workers)
@@ -78,10 +81,12 @@ class ProcessExecutor final : public Executor {
          waited += step, step = std::min(2 * step, kLongest)) {
       for (const auto& [process, task] : running_) {
         int status = 0;
-        if (::waitpid(process, &status, WNOHANG) != process) continue;
-        const Task ended = task;
+        const pid_t ended = ::waitpid(process, &status, WNOHANG);
+        if (ended == 0 || (ended < 0 && errno != ECHILD)) continue;
+        const Task own = task;
         running_.erase(process);
-        return finish(ended, status);
+        // Where SIGCHLD is ignored, or somebody else waits for all children, only files tell.
+        return finish(own, ended > 0 ? status : status_by_files(own));
       }
       if (waited >= most) return std::nullopt;
       std::this_thread::sleep_for(step);
@@ -90,6 +95,14 @@ class ProcessExecutor final : public Executor {
 
  private:
   fs::path error_file(const Task& task) const { return unit_file(work_, task, ".said"); }
+
+  // One that is neither done nor said why was killed.
+  int status_by_files(const Task& task) const {
+    if (fs::exists(unit_file(work_, task, ".done"))) return 0;
+    std::error_code error;
+    const bool has_said = fs::file_size(error_file(task), error) > 0 && !error;
+    return has_said ? (kFirstCode + static_cast<int>(ErrorCode::kUnsupported)) << 8 : SIGKILL;
+  }
 
   std::optional<TaskResult> finish(const Task& task, int status) {
     const fs::path path = error_file(task);
@@ -125,9 +138,8 @@ class ProcessExecutor final : public Executor {
     return TaskResult{task, said, code};
   }
 
-  // A worker ends with 10 and its error's code.
   static ErrorCode code_of(int status) {
-    const int code = status - 10;
+    const int code = status - kFirstCode;
     const bool is_code = code >= 0 && code <= static_cast<int>(ErrorCode::kDevice);
     return is_code ? static_cast<ErrorCode>(code) : ErrorCode::kUnsupported;
   }

@@ -272,6 +272,18 @@ def test_names_of_files_may_have_any_characters(
     assert (tmp_path / "a.umbel").read_bytes()[-1000:] == expected[-1000:]
 
 
+def test_processes_whose_children_nobody_waits_for(terrain: Path, tmp_path: Path) -> None:
+    """As where SIGCHLD is ignored: the system takes how they ended."""
+
+    def ignore() -> None:
+        signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+
+    output = tmp_path / "a.umbel"
+    command = umbel_command("build", terrain, "-o", output, "--unit-triangles", UNIT)
+    subprocess.run(command, check=True, preexec_fn=ignore, timeout=300)
+    assert umbel.verify(output).ok
+
+
 def test_full_disk_is_a_sentence_and_resumable(terrain: Path, tmp_path: Path) -> None:
     output = tmp_path / "a.umbel"
     command = umbel_command("build", terrain, "-o", output, "--unit-triangles", UNIT)
