@@ -110,6 +110,8 @@ KdTree KdTree::of(const Tree& tree, const MeshView& mesh, const KdTreeConfig& co
 
 void KdTree::set_traversal(Traversal traversal) {
   check_traversal(traversal);
+  // Before anything changes, as there may be no memory.
+  if (traversal == Traversal::kRopes) make_ropes(data());
   data().traversal = traversal;
   prepare_rays(data());
 }

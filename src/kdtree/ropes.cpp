@@ -1,5 +1,7 @@
 // Ropes: links from each face of a leaf to its neighbours there (Havran, Bittner & Zara, "Ray
 // Tracing with Rope Trees", 1998), pushed down as far as a single subtree holds all of them.
+#include <utility>
+
 #include "base/parallel.hpp"
 #include "kdtree/tree_data.hpp"
 
@@ -33,7 +35,8 @@ uint32_t pushed_down(const KdTreeData& data, uint32_t node, uint32_t face, const
 
 void make_ropes(KdTreeData& data) {
   if (data.nodes.empty() || !data.rope_leaves.empty()) return;
-  data.rope_leaf_of.assign(data.nodes.size(), kNone);
+  BigVector<RopeLeaf> leaves;
+  BigVector<uint32_t> leaf_of(data.nodes.size(), kNone);
   const Visit root{0, {data.bounds, {kNone, kNone, kNone, kNone, kNone, kNone}}};
   std::vector<Visit> stack{root};
   while (!stack.empty()) {
@@ -41,8 +44,8 @@ void make_ropes(KdTreeData& data) {
     stack.pop_back();
     const Node& node = data.nodes[visit.node];
     if (node.is_leaf()) {
-      data.rope_leaf_of[visit.node] = static_cast<uint32_t>(data.rope_leaves.size());
-      data.rope_leaves.push_back(visit.rope);
+      leaf_of[visit.node] = static_cast<uint32_t>(leaves.size());
+      leaves.push_back(visit.rope);
       continue;
     }
     Visit below = visit, above = visit;
@@ -55,12 +58,14 @@ void make_ropes(KdTreeData& data) {
     stack.push_back(above);
     stack.push_back(below);
   }
-  parallel_for(data.rope_leaves.size(), 1024, [&](size_t i) {
-    RopeLeaf& leaf = data.rope_leaves[i];
+  parallel_for(leaves.size(), 1024, [&](size_t i) {
+    RopeLeaf& leaf = leaves[i];
     for (uint32_t face = 0; face < 6; ++face)
       if (leaf.ropes[face] != kNone)
         leaf.ropes[face] = pushed_down(data, leaf.ropes[face], face, leaf.cell);
   });
+  data.rope_leaves = std::move(leaves);
+  data.rope_leaf_of = std::move(leaf_of);
 }
 
 }  // namespace umbel

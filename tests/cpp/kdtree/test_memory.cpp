@@ -59,5 +59,24 @@ TEST(KdTreeMemory, nasty_files_stay_within_their_bytes) {
   if (!is_any) GTEST_SKIP() << "no meshes in " << data_folder();
 }
 
+TEST(KdTreeMemory, without_memory_for_ropes_the_traversal_stays) {
+  if (!FailingAllocation::works()) GTEST_SKIP() << "operator new is another's";
+  const Mesh mesh = shapes::blob(3, 1);
+  kdtree::KdTree tree = kdtree::KdTree::build(mesh.view());
+  const Ray ray{{0.1f, 0.2f, 3}, 0, {0, 0, -1}, 10};
+  const Hit expected = tree.intersect(ray);
+  ASSERT_NE(expected.primitive, kNone);
+  uint32_t failures = 0;
+  fail_each_allocation([&] { tree.set_traversal(kdtree::Traversal::kRopes); },
+                       [&] {
+                         ++failures;
+                         EXPECT_EQ(tree.traversal(), kdtree::Traversal::kStack);
+                         EXPECT_EQ(tree.intersect(ray).primitive, expected.primitive);
+                       });
+  EXPECT_GT(failures, 2u);
+  EXPECT_EQ(tree.traversal(), kdtree::Traversal::kRopes);
+  EXPECT_EQ(tree.intersect(ray).primitive, expected.primitive);
+}
+
 }  // namespace
 }  // namespace umbel
