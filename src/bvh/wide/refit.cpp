@@ -10,6 +10,7 @@
 #include <bit>
 #include <cstring>
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -50,7 +51,7 @@ struct Cost {
 /// What one block of nodes leaves to the others.
 struct Block {
   Cost before, after;
-  std::vector<uint32_t> unfinished;  ///< nodes with a child in another block, the last one first
+  uint32_t unfinished = 0;  ///< how many nodes have a child in another block
 };
 
 /// A box as two vectors, whose fourth lanes mean nothing.
@@ -77,27 +78,33 @@ struct LaneBox {
 template <uint32_t kWidth, bool kQuantised>
 class Refit {
  public:
+  /// Takes all the memory that is needed, before anything changes.
   Refit(BvhData& data, const MeshView& mesh)
-      : data_(data), mesh_(mesh), boxes_(data.node_count()), is_done_(data.node_count()) {}
+      : data_(data),
+        mesh_(mesh),
+        boxes_(data.node_count()),
+        is_done_(data.node_count()),
+        unfinished_(data.node_count()),
+        blocks_((data.node_count() + kNodesAtOnce - 1) / kNodesAtOnce) {}
 
   /// Returns what the tree costs now as a multiple of what it cost before.
   double run() {
-    std::vector<Block> blocks((data_.node_count() + kNodesAtOnce - 1) / kNodesAtOnce);
     parallel_chunks(data_.node_count(), kNodesAtOnce, [&](size_t begin, size_t end) {
       move_block(static_cast<uint32_t>(begin), static_cast<uint32_t>(end),
-                 blocks[begin / kNodesAtOnce]);
+                 blocks_[begin / kNodesAtOnce]);
     });
     const Aabb old_bounds = data_.bounds;
     Cost before, after;
-    for (size_t i = blocks.size(); i-- > 0;) {
-      for (const uint32_t node : blocks[i].unfinished) {
+    for (size_t i = blocks_.size(); i-- > 0;) {
+      const uint32_t* const unfinished = &unfinished_[i * kNodesAtOnce];
+      for (const uint32_t node : std::span(unfinished, blocks_[i].unfinished)) {
         NodeBoxes boxes;
         if constexpr (kQuantised) boxes = leaf_boxes_of(node);
         move_inner_boxes(node, boxes);
         after.add(cost_of(node));
       }
-      before.add(blocks[i].before);
-      after.add(blocks[i].after);
+      before.add(blocks_[i].before);
+      after.add(blocks_[i].after);
     }
     data_.bounds = boxes_[0].bounds();
     before.add(old_bounds, data_.cost.traversal);
@@ -128,7 +135,7 @@ class Refit {
     }
     for (uint32_t node = end; node-- > begin;) {
       if (has_child_outside(node, end)) {
-        block.unfinished.push_back(node);
+        unfinished_[begin + block.unfinished++] = node;
         continue;
       }
       move_inner_boxes(node, boxes[node - begin]);
@@ -320,6 +327,9 @@ class Refit {
   const Vec3* last_ = mesh_.positions.data() + mesh_.positions.size() - 1;
   BigVector<LaneBox> boxes_;  ///< of all below a node, once it is done
   BigVector<uint8_t> is_done_;
+  /// Nodes of each block, from its first one's place on, the last one first.
+  BigVector<uint32_t> unfinished_;
+  std::vector<Block> blocks_;
 };
 
 bool any_vertex_is_not_finite(std::span<const Vec3> positions) {

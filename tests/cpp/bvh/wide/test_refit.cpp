@@ -4,6 +4,7 @@
 #include "base/math.hpp"
 #include "bvh/every_config.hpp"
 #include "bvh/oracle.hpp"
+#include "heap_peak.hpp"
 
 namespace umbel {
 namespace {
@@ -136,6 +137,25 @@ TEST(BvhRefit, what_cannot_be_followed_is_refused_and_changes_nothing) {
   Mesh unused = mesh;
   unused.positions.push_back({std::nanf(""), 0, 0});
   EXPECT_NO_THROW(tree.refit(unused.view()));
+}
+
+TEST(BvhRefit, changes_nothing_where_there_is_no_memory) {
+  if (!FailingAllocation::works()) GTEST_SKIP() << "operator new is another's";
+  const Mesh mesh = shapes::blob(4, 1), moved = twisted(shapes::blob(4, 2), 0.5f);
+  const std::vector<Ray> rays = adversarial_rays(mesh.view(), 60, 1);
+  BvhConfig config;
+  config.width = 2;  // several blocks of nodes
+  Bvh tree = Bvh::build(mesh.view(), config);
+  const Bvh same = Bvh::build(mesh.view(), config);
+  BuildOptions one_thread;
+  one_thread.threads = 1;
+  fail_each_allocation([&] { tree.refit(moved.view(), one_thread); },
+                       [&] {
+                         EXPECT_EQ(tree.bounds(), same.bounds());
+                         for (const Ray& ray : rays)
+                           ASSERT_EQ(tree.intersect(ray).t, same.intersect(ray).t);
+                       });
+  EXPECT_EQ(tree.bounds(), bounds(moved.view()));
 }
 
 TEST(BvhRefit, triangles_that_were_dropped_may_stay_invalid) {
