@@ -216,7 +216,8 @@ float opacity_at(const Scene::Data& scene, const Hit& hit) {
 
 Vec3 emission_at(const Scene::Data& scene, uint32_t triangle, float u, float v) {
   const Material& m = scene.materials[scene.triangles[triangle].material];
-  return Point(scene, triangle, u, v).tinted(m.emission, m.emission_texture);
+  const Hit point{.primitive = triangle, .u = u, .v = v};
+  return Point(scene, point).tinted(m.emission, m.emission_texture) * opacity_at(scene, point);
 }
 
 }  // namespace umbel::trace

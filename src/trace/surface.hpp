@@ -33,7 +33,7 @@ Vec3 coat_normal_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& d
 /// The part of light along a ray that a hit's alpha absorbs, 0..1.
 float opacity_at(const Scene::Data& scene, const Hit& hit);
 
-/// The radiance that a point of a light emits.
+/// The radiance that a point of a light emits, as far as its alpha lets it be seen.
 Vec3 emission_at(const Scene::Data& scene, uint32_t triangle, float u, float v);
 
 }  // namespace umbel::trace

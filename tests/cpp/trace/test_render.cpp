@@ -87,6 +87,26 @@ TEST(Render, a_plane_under_a_square_light_has_the_radiance_of_its_form_factor) {
   }
 }
 
+TEST(Render, a_lamp_lights_as_much_as_its_alpha_shows_of_it) {
+  Mesh mesh = square(100);
+  append(mesh, square(0.5f), {0, 0, 1}, 1);
+  const double whole = 0.6 * 5 * square_form_factor(0.5, 1);
+  Material light = emitter(5);
+  light.alpha = 0.25f;
+  for (const AlphaMode mode : {AlphaMode::kBlend, AlphaMode::kMask}) {
+    light.alpha_mode = mode;
+    const double expected = mode == AlphaMode::kBlend ? 0.25 * whole : 0.0;
+    const Scene scene = scene_of(mesh, {lambert(0.6f), light}, constant(0));
+    for (const uint32_t shadow_samples : {0u, 1u, 2u}) {
+      SCOPED_TRACE(shadow_samples);
+      Settings settings = small_picture(8, 1024);
+      settings.shadow_samples = shadow_samples;
+      EXPECT_NEAR(mean(render(scene, from_above(0.9f, 0.02f), settings).image), expected,
+                  0.02 * whole);
+    }
+  }
+}
+
 TEST(Render, the_sun_lights_a_plane_by_the_cosine_of_its_angle) {
   Environment environment = lone_sun({0, 0, 1});
   const auto radiance = [&](float albedo) {
