@@ -1,8 +1,10 @@
-// Tables of numbers that depend on a cosine and a roughness, interpolated bilinearly.
+// Tables of numbers that depend on a cosine and a roughness, interpolated bilinearly. Cosines are
+// tabled by their roots, because albedos change most at grazing angles.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 
 namespace umbel::trace {
@@ -15,14 +17,18 @@ class AlbedoGrid {
   /// `integrate(cosine, roughness)` gives a Cell; cosines are above zero.
   template <typename Integrate>
   explicit AlbedoGrid(const Integrate& integrate) {
-    for (uint32_t r = 0; r < kSize; ++r)
-      for (uint32_t c = 0; c < kSize; ++c) cells_[r][c] = integrate(std::max(at(c), 1e-3f), at(r));
+    for (uint32_t r = 0; r < kRows; ++r) {
+      for (uint32_t c = 0; c < kColumns; ++c) {
+        const float root = at(c, kColumns);
+        cells_[r][c] = integrate(std::max(root * root, 1e-3f), at(r, kRows));
+      }
+    }
   }
 
   Cell lookup(float cosine, float roughness) const {
-    const float x = share(cosine) * (kSize - 1), y = share(roughness) * (kSize - 1);
-    const auto x0 = std::min(static_cast<uint32_t>(x), kSize - 2);
-    const auto y0 = std::min(static_cast<uint32_t>(y), kSize - 2);
+    const float x = std::sqrt(share(cosine)) * (kColumns - 1), y = share(roughness) * (kRows - 1);
+    const auto x0 = std::min(static_cast<uint32_t>(x), kColumns - 2);
+    const auto y0 = std::min(static_cast<uint32_t>(y), kRows - 2);
     const float tx = x - static_cast<float>(x0), ty = y - static_cast<float>(y0);
     const auto mix = [](const Cell& p, const Cell& q, float t) {
       Cell mixed;
@@ -34,13 +40,15 @@ class AlbedoGrid {
   }
 
  private:
-  static constexpr uint32_t kSize = 32;
+  static constexpr uint32_t kColumns = 64, kRows = 32;
 
   /// Within [0, 1]; of what is no number, 0.
   static float share(float x) { return x > 0 ? std::min(x, 1.0f) : 0.0f; }
-  static float at(uint32_t i) { return static_cast<float>(i) / (kSize - 1); }
+  static float at(uint32_t i, uint32_t count) {
+    return static_cast<float>(i) / static_cast<float>(count - 1);
+  }
 
-  std::array<std::array<Cell, kSize>, kSize> cells_;
+  std::array<std::array<Cell, kColumns>, kRows> cells_;
 };
 
 }  // namespace umbel::trace

@@ -66,6 +66,23 @@ TEST(Render, no_material_sends_out_more_than_it_gets) {
   }
 }
 
+TEST(Render, white_surfaces_stay_white_at_grazing_angles) {
+  for (const float degrees : {0.2f, 0.5f, 1.0f, 2.0f}) {
+    for (const float roughness : {0.0f, 0.1f, 0.3f, 1.0f}) {
+      SCOPED_TRACE(::testing::Message() << degrees << " degrees, roughness " << roughness);
+      Material white;
+      white.base_color = {1, 1, 1};
+      white.roughness = roughness;
+      const Scene scene = scene_of(square(1000), {white}, constant(1));
+      const float angle = degrees * std::numbers::pi_v<float> / 180;
+      Camera grazing;
+      grazing.position = {0, -50 * std::cos(angle), 50 * std::sin(angle)};
+      grazing.fov_y = 1e-5f;
+      EXPECT_NEAR(mean(render(scene, grazing, small_picture(4, 1024)).image), 1.0, 0.02);
+    }
+  }
+}
+
 TEST(Render, a_plane_under_an_even_sky_has_the_radiance_of_its_albedo) {
   const Scene scene = scene_of(square(100), {lambert(0.5f)}, constant(2));
   EXPECT_NEAR(mean(render(scene, from_above(), small_picture(8, 512)).image), 1.0, 0.005);
