@@ -90,8 +90,8 @@ class UMBEL_API Scene {
   static Scene build(const MeshView& mesh, const Shading& shading,
                      std::unique_ptr<TriangleQueries> structure, const BuildOptions& options = {});
 
-  /// Clusters through two levels of trees. Emission is found by bounces alone. Attributes that only
-  /// some parts have are left out.
+  /// Clusters through two levels of trees. Emission is found by bounces alone. Parts without an
+  /// attribute that others have are as without it.
   static Scene build(const ClusterScene& clusters, const Shading& shading,
                      const BuildOptions& options = {});
 

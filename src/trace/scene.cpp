@@ -168,41 +168,91 @@ Scene Scene::build(const MeshView& mesh, const Shading& shading,
 
 namespace {
 
-/// All parts as one mesh, each in its own space.
-Mesh joined(const ClusterScene& clusters, std::vector<Range>& ranges) {
+/// Parts as one mesh, each in its own space.
+struct Joined {
   Mesh mesh;
-  const auto all_have = [&](auto stream) {
-    return std::all_of(clusters.parts.begin(), clusters.parts.end(),
+  std::vector<Range> trees;     ///< triangles of one part that have one mask
+  std::vector<Range> of_parts;  ///< the trees of each part
+};
+
+/// The sets of texture coordinates beyond the first that any part has.
+std::vector<Extra> uv_sets_of(const ClusterScene& clusters) {
+  std::vector<Extra> sets;
+  for (const ClusterPart& part : clusters.parts)
+    for (const Extra& extra : part.geometry.extras)
+      if (extra.kind == ExtraKind::kUvs && std::ranges::find(sets, extra) == sets.end())
+        sets.push_back(extra);
+  std::ranges::sort(sets, {}, &Extra::set);
+  return sets;
+}
+
+void add_uv_sets(const lod::ClusterGeometry& g, Mesh& mesh) {
+  const uint32_t width = extra_width(mesh.extras), from_width = extra_width(g.extras);
+  const size_t first = mesh.extra_values.size();
+  mesh.extra_values.resize(first + g.positions.size() * width);
+  uint32_t from = 0;
+  for (const Extra& extra : g.extras) {
+    const auto set = std::ranges::find(mesh.extras, extra);
+    if (set != mesh.extras.end()) {
+      const size_t to = first + 2 * static_cast<size_t>(set - mesh.extras.begin());
+      for (size_t v = 0; v < g.positions.size(); ++v)
+        for (size_t k = 0; k < 2; ++k)
+          mesh.extra_values[to + v * width + k] = g.extra_values[v * from_width + from + k];
+    }
+    from += extra_width(extra.kind);
+  }
+}
+
+/// Of the triangle with this first vertex.
+uint32_t material_of(const ClusterPart& part, size_t vertex) {
+  const lod::ClusterGeometry& g = part.geometry;
+  if (g.extras.empty() || g.extras.back().kind != ExtraKind::kMaterial) return part.material;
+  const float value = g.extra_values[(vertex + 1) * extra_width(g.extras) - 1];
+  return value >= 0 && value <= 0x1p24f ? static_cast<uint32_t>(value) : 0;
+}
+
+/// What only some parts have is zero in the others, which a hit takes for nothing, or white.
+Joined joined(const ClusterScene& clusters, std::span<const Material> materials) {
+  Joined all;
+  Mesh& mesh = all.mesh;
+  const auto any_has = [&](auto stream) {
+    return std::any_of(clusters.parts.begin(), clusters.parts.end(),
                        [&](const ClusterPart& part) { return !(part.geometry.*stream).empty(); });
   };
-  const bool normals = all_have(&lod::ClusterGeometry::normals),
-             uvs = all_have(&lod::ClusterGeometry::uvs),
-             colors = all_have(&lod::ClusterGeometry::colors);
-  const bool extras =
-      !clusters.parts.empty() &&
-      std::all_of(clusters.parts.begin(), clusters.parts.end(), [&](const ClusterPart& part) {
-        return part.geometry.extras == clusters.parts.front().geometry.extras;
-      });
-  if (extras) mesh.extras = clusters.parts.front().geometry.extras;
-  const auto add = [](auto& to, const auto& from) {
-    to.insert(to.end(), from.begin(), from.end());
-  };
+  const bool normals = any_has(&lod::ClusterGeometry::normals),
+             uvs = any_has(&lod::ClusterGeometry::uvs),
+             colors = any_has(&lod::ClusterGeometry::colors);
+  mesh.extras = uv_sets_of(clusters);
   for (const ClusterPart& part : clusters.parts) {
     const lod::ClusterGeometry& g = part.geometry;
     const auto first = static_cast<uint32_t>(mesh.positions.size());
-    ranges.push_back({static_cast<uint32_t>(mesh.triangles.size()),
-                      static_cast<uint32_t>(g.triangles.size() / 3)});
-    add(mesh.positions, g.positions);
-    if (normals) add(mesh.normals, g.normals);
-    if (uvs) add(mesh.uvs, g.uvs);
-    if (colors) add(mesh.colors, g.colors);
-    if (extras) add(mesh.extra_values, g.extra_values);
-    for (size_t t = 0; t + 2 < g.triangles.size(); t += 3)
-      mesh.triangles.push_back(
-          {first + g.triangles[t], first + g.triangles[t + 1], first + g.triangles[t + 2]});
-    mesh.materials.resize(mesh.triangles.size(), part.material);
+    const auto add = [&](auto& to, const auto& from, const auto& otherwise) {
+      to.insert(to.end(), from.begin(), from.end());
+      if (from.empty()) to.resize(first + g.positions.size(), otherwise);
+    };
+    add(mesh.positions, g.positions, Vec3{});
+    if (normals) add(mesh.normals, g.normals, Vec3{0, 0, 0});
+    if (uvs) add(mesh.uvs, g.uvs, Vec2{0, 0});
+    if (colors) add(mesh.colors, g.colors, Vec4{1, 1, 1, 1});
+    if (!mesh.extras.empty()) add_uv_sets(g, mesh);
+    Range trees{static_cast<uint32_t>(all.trees.size()), 0};
+    for (const bool see_through : {false, true}) {
+      const auto offset = static_cast<uint32_t>(mesh.triangles.size());
+      for (size_t t = 0; t + 2 < g.triangles.size(); t += 3) {
+        const uint32_t m = material_of(part, g.triangles[t]);
+        if ((m < materials.size() && is_see_through(materials[m])) != see_through) continue;
+        mesh.triangles.push_back(
+            {first + g.triangles[t], first + g.triangles[t + 1], first + g.triangles[t + 2]});
+        mesh.materials.push_back(m);
+      }
+      const auto count = static_cast<uint32_t>(mesh.triangles.size()) - offset;
+      if (count == 0) continue;
+      all.trees.push_back({offset, count});
+      ++trees.count;
+    }
+    all.of_parts.push_back(trees);
   }
-  return mesh;
+  return all;
 }
 
 void check_instances(const ClusterScene& clusters) {
@@ -214,9 +264,18 @@ void check_instances(const ClusterScene& clusters) {
              std::to_string(clusters.parts.size()) + " and " +
              std::to_string(clusters.transforms.size()));
   }
-  for (size_t i = 0; i < clusters.parts.size(); ++i)
-    if (clusters.parts[i].geometry.triangles.size() < 3)
-      refuse("parts[" + std::to_string(i) + "] has no triangles");
+  for (size_t i = 0; i < clusters.parts.size(); ++i) {
+    const lod::ClusterGeometry& g = clusters.parts[i].geometry;
+    const std::string name = "parts[" + std::to_string(i) + "]";
+    if (g.triangles.size() < 3) refuse(name + " has no triangles");
+    const uint32_t last = *std::ranges::max_element(g.triangles);
+    if (last >= g.positions.size())
+      refuse(name + " uses vertex " + std::to_string(last) + ", but has only " +
+             std::to_string(g.positions.size()));
+    if (g.extra_values.size() != g.positions.size() * extra_width(g.extras))
+      refuse(name + " has " + std::to_string(g.extra_values.size()) +
+             " extra values, but must have " + std::to_string(extra_width(g.extras)) + " a vertex");
+  }
 }
 
 }  // namespace
@@ -226,8 +285,8 @@ Scene Scene::build(const ClusterScene& clusters, const Shading& shading,
   check_instances(clusters);
   Scene scene;
   with_threads(options.threads, [&] {
-    std::vector<Range> ranges;
-    const Mesh mesh = joined(clusters, ranges);
+    const Joined all = joined(clusters, shading.materials);
+    const Mesh& mesh = all.mesh;
     validate(mesh.view());
     check_shading(mesh.view(), shading);
     Data& data = *scene.data_;
@@ -242,22 +301,25 @@ Scene Scene::build(const ClusterScene& clusters, const Shading& shading,
     const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
     const std::vector<uint32_t> masks = Scene::masks(mesh.view(), shading.materials);
     bvh::Config config = bvh::preset("fast");
-    std::vector<bvh::BottomTree> parts(ranges.size());
-    parallel_for(parts.size(), 16, [&](size_t i) {
-      const Range& range = ranges[i];
-      parts[i].triangles = range;
-      parts[i].mask = masks.empty() ? kOpaqueBit : masks[range.offset];
-      parts[i].tree = bvh::build(std::span(boxes).subspan(range.offset, range.count), config);
-      parts[i].tree.nodes.shrink_to_fit();  // builders reserve what leaves of one would need
+    std::vector<bvh::BottomTree> trees(all.trees.size());
+    parallel_for(trees.size(), 16, [&](size_t i) {
+      const Range& range = all.trees[i];
+      trees[i].triangles = range;
+      trees[i].mask = masks.empty() ? kOpaqueBit : masks[range.offset];
+      trees[i].tree = bvh::build(std::span(boxes).subspan(range.offset, range.count), config);
+      trees[i].tree.nodes.shrink_to_fit();  // builders reserve what leaves of one would need
     });
     static_assert(kCameraRays == bvh::kPrimaryRays && kOtherRays == bvh::kSecondaryRays);
     std::vector<bvh::ClusterInstance> instances;
-    for (const ClusterInstance& at : clusters.instances)
-      instances.push_back({at.part, at.transform, at.rays});
+    for (const ClusterInstance& at : clusters.instances) {
+      const Range& own = all.of_parts[at.part];
+      for (uint32_t tree = own.offset; tree < own.offset + own.count; ++tree)
+        instances.push_back({tree, at.transform, at.rays});
+    }
     const std::vector<InstanceTransform> transforms(clusters.transforms.begin(),
                                                     clusters.transforms.end());
     data.clusters = std::make_unique<const bvh::TwoLevelBvh>(
-        std::move(parts), instances, transforms, mesh.positions, mesh.triangles);
+        std::move(trees), instances, transforms, mesh.positions, mesh.triangles);
     data.bounds = data.clusters->bounds();
     data.gap = clusters.gap;
   });

@@ -143,6 +143,83 @@ TEST(ClusterScene, rays_that_bounce_may_meet_a_coarser_cut) {
   EXPECT_LT(difference, 0.05 * sum);
 }
 
+/// A square at x = 2 i seen from +z, in one part.
+ClusterPart square_part(uint32_t i) {
+  ClusterPart part;
+  const float x = 2 * static_cast<float>(i);
+  part.geometry.positions = {{x, 0, 0}, {x + 1, 0, 0}, {x + 1, 1, 0}, {x, 1, 0}};
+  part.geometry.triangles = {0, 1, 2, 0, 2, 3};
+  return part;
+}
+
+/// What a ray down at the middle of the lower (or upper) triangle of square i meets.
+Surface seen(const Scene& scene, uint32_t i, bool upper = false) {
+  Ray ray;
+  ray.origin = {2 * static_cast<float>(i) + (upper ? 0.25f : 0.75f), upper ? 0.75f : 0.25f, 1};
+  ray.direction = {0, 0, -1};
+  const SceneHit hit = scene.data().intersect(ray);
+  EXPECT_TRUE(hit.hit());
+  return surface_at(scene.data(), hit, ray.direction);
+}
+
+TEST(ClusterScene, parts_keep_the_attributes_that_others_lack) {
+  ClusterScene clusters;
+  clusters.transforms = {kIdentity};
+  for (uint32_t i = 0; i < 4; ++i) {
+    clusters.parts.push_back(square_part(i));
+    clusters.parts[i].material = i;
+    clusters.instances.push_back({i, 0});
+  }
+  const Vec3 leaning = {0.6f, 0, 0.8f};
+  clusters.parts[0].geometry.normals.assign(4, leaning);
+  clusters.parts[1].geometry.colors.assign(4, {0.5f, 1, 1, 1});
+  clusters.parts[2].geometry.uvs.assign(4, {0.75f, 0.5f});
+  // Its second set, beside what is not read.
+  clusters.parts[3].geometry.extras = {{ExtraKind::kUvs, 2}, {ExtraKind::kWeights, 0}};
+  for (uint32_t v = 0; v < 4; ++v)
+    clusters.parts[3].geometry.extra_values.insert(clusters.parts[3].geometry.extra_values.end(),
+                                                   {0.75f, 0.5f, 1, 1, 1, 1});
+  const std::vector<uint8_t> texels = {255, 255, 255, 255, 0, 0, 0, 255};
+  const TextureView texture{.texels = texels, .width = 2, .height = 1, .nearest = true};
+  std::vector<Material> materials(4);
+  for (Material& m : materials) m.base_color = {1, 1, 1};
+  materials[2].base_color_texture.texture = materials[3].base_color_texture.texture = 0;
+  materials[3].base_color_texture.uv_set = 2;
+  const Scene scene = Scene::build(clusters, {materials, std::span(&texture, 1), {}});
+  EXPECT_NEAR(length(seen(scene, 0).shading - leaning), 0, 1e-6f);
+  EXPECT_EQ(seen(scene, 1).shading, (Vec3{0, 0, 1}));
+  EXPECT_EQ(seen(scene, 0).color.base, (Vec3{1, 1, 1}));
+  EXPECT_EQ(seen(scene, 1).color.base, (Vec3{0.5f, 1, 1}));
+  EXPECT_EQ(seen(scene, 2).color.base, (Vec3{0, 0, 0}));
+  EXPECT_EQ(seen(scene, 3).color.base, (Vec3{0, 0, 0}));
+}
+
+TEST(ClusterScene, a_part_may_mix_materials) {
+  ClusterScene clusters;
+  clusters.transforms = {kIdentity};
+  lod::ClusterGeometry& g = clusters.parts.emplace_back(square_part(0)).geometry;
+  // The upper triangle has vertices of its own.
+  g.positions.push_back(g.positions[0]);
+  g.positions.push_back(g.positions[2]);
+  g.triangles = {0, 1, 2, 4, 5, 3};
+  g.extras = {{ExtraKind::kMaterial, 0}};
+  g.extra_values = {1, 1, 1, 0, 0, 0};
+  clusters.instances.push_back({0, 0});
+  std::vector<Material> materials(2);
+  materials[0].alpha_mode = AlphaMode::kBlend;
+  const Scene scene = Scene::build(clusters, {materials, {}, {}});
+  EXPECT_EQ(seen(scene, 0).material, 1u);
+  EXPECT_EQ(seen(scene, 0, true).material, 0u);
+  // Only what is opaque occludes at once.
+  Ray ray;
+  ray.direction = {0, 0, -1};
+  ray.origin = {0.75f, 0.25f, 1};
+  EXPECT_TRUE(scene.data().occluded(ray, {.mask = kOpaqueBit}));
+  ray.origin = {0.25f, 0.75f, 1};
+  EXPECT_FALSE(scene.data().occluded(ray, {.mask = kOpaqueBit}));
+  EXPECT_EQ(scene.instanced_triangles(), 2u);
+}
+
 TEST(ClusterScene, refuses_what_does_not_fit) {
   const lod::Dag dag = lod::build(shapes::sphere(2).view());
   const ClusterScene good = clusters_of(dag);
@@ -157,6 +234,12 @@ TEST(ClusterScene, refuses_what_does_not_fit) {
   EXPECT_THROW(Scene::build(scene, {}), Error);
   scene = good;
   scene.parts[0].geometry.triangles.clear();
+  EXPECT_THROW(Scene::build(scene, {}), Error);
+  scene = good;
+  scene.parts[0].geometry.triangles[0] = 255;
+  EXPECT_THROW(Scene::build(scene, {}), Error);
+  scene = good;
+  scene.parts[0].geometry.extras = {{ExtraKind::kMaterial, 0}};
   EXPECT_THROW(Scene::build(scene, {}), Error);
   EXPECT_EQ(Scene::build(ClusterScene{}, {}).instanced_triangles(), 0u);
 }
