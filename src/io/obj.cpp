@@ -235,7 +235,9 @@ class ObjReader {
         {&ObjBlock::points_and_lines, "points and lines make no triangles"},
         {&ObjBlock::curves, "lines are about curves and surfaces of free form"},
         {&ObjBlock::files, "lines name other files"},
-        {&ObjBlock::unknown, "lines are no statements of OBJ"}};
+        {&ObjBlock::unknown, "lines are no statements of OBJ"},
+        {&ObjBlock::numbers, "further numbers fit no mesh"},
+        {&ObjBlock::paint, "comments have colours of vertices"}};
     std::vector<std::string> notes;
     for (const Kind& kind : kKinds) {
       uint64_t count = 0;

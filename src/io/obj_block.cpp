@@ -80,9 +80,7 @@ class Parser {
         ++line_;
         return;
       case '#':
-        block_.says_empty |=
-            string_view(p_, static_cast<size_t>(end_ - p_)).starts_with("# no faces");
-        return skip_comment(p_, line_);
+        return comment();
       case 'v':
         if (at_word_end(p_ + 1)) return known(1, [&] { vertex(); });
         if (p_[1] == 't' && at_word_end(p_ + 2)) return known(2, [&] { uv(); });
@@ -94,6 +92,13 @@ class Parser {
       default:
         return other();
     }
+  }
+
+  void comment() {
+    const string_view text(p_, static_cast<size_t>(end_ - p_));
+    block_.says_empty |= text.starts_with("# no faces");
+    if (text.starts_with("#MRGB ")) count(block_.paint, "#MRGB");  // as ZBrush writes them
+    skip_comment(p_, line_);
   }
 
   /// A statement whose keyword has `letters`: read(), which stops at a comment or the line's end.
@@ -137,6 +142,7 @@ class Parser {
   void vertex() {
     const size_t n = numbers("v", 3, 7);
     if (n == 0) return;
+    if ((n == 4 && numbers_[3] != 1) || n == 5 || n > 7) count(block_.numbers, "v");
     if (n >= 6 && block_.colors.empty()) block_.colors.assign(4 * block_.vertices(), 1.0f);
     block_.positions.insert(block_.positions.end(), numbers_.begin(), numbers_.begin() + 3);
     if (n < 6 && block_.colors.empty()) return;
@@ -147,12 +153,15 @@ class Parser {
   void uv() {
     const size_t n = numbers("vt", 1, 3);
     if (n == 0) return;
+    if (n > 3 || (n == 3 && numbers_[2] != 0)) count(block_.numbers, "vt");
     block_.uvs.push_back(to_float(numbers_[0]));
     block_.uvs.push_back(n > 1 ? to_float(numbers_[1]) : 0);
   }
 
   void normal() {
-    if (numbers("vn", 3, 3) == 0) return;
+    const size_t n = numbers("vn", 3, 3);
+    if (n == 0) return;
+    if (n > 3) count(block_.numbers, "vn");
     for (size_t k = 0; k < 3; ++k) block_.normals.push_back(to_float(numbers_[k]));
   }
 

@@ -56,6 +56,8 @@ struct ObjBlock {
   std::optional<std::string> open_part;  ///< the one at the end, if no face of the block is in it
 
   ObjLines short_faces, points_and_lines, curves, files, unknown;
+  ObjLines numbers;  ///< that fit no mesh: weights of vertices, depths of textures
+  ObjLines paint;    ///< colours of vertices in comments
   std::optional<uint64_t> first_known;  ///< the first line with a statement of the format
   bool says_empty = false;              ///< a comment says that a mesh without faces is meant
 

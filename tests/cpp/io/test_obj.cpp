@@ -191,6 +191,27 @@ TEST(Obj, what_is_no_mesh_is_refused) {
   EXPECT_EQ(refusal("# no faces\n"), "");
 }
 
+TEST(Obj, numbers_that_fit_no_mesh_are_noted) {
+  const std::string face = "f 1 2 3\n";
+  const auto note = [&](const std::string& line) {
+    const ObjMesh mesh = read("v 0 0 0\nv 1 0 0 1\nv 1 1 0\n" + line + "\n" + face);
+    return mesh.notes.empty() ? std::string() : mesh.notes.at(0);
+  };
+  for (const char* line :
+       {"v 1 2 3 1", "v 1 2 3 1 1 1", "v 1 2 3 1 1 1 1", "vt 1 2 0", "vn 0 0 1", "# MRGB", "#"})
+    EXPECT_EQ(note(line), "") << line;
+  for (const char* line : {"v 1 2 3 0.5", "v 1 2 3 4 5", "v 1 2 3 1 1 1 1 1", "vt 1 2 3",
+                           "vt 1 2 0 0", "vn 0 0 1 0"}) {
+    const std::string word(line, std::string_view(line).find(' '));
+    EXPECT_EQ(note(line), "a.obj, line 4: from here on 1 further numbers fit no mesh (" + word +
+                              ") and are left out")
+        << line;
+  }
+  EXPECT_EQ(note("#MRGB ffffffffff808080"),
+            "a.obj, line 4: from here on 1 comments have colours of vertices (#MRGB) and are left "
+            "out");
+}
+
 TEST(Obj, what_is_left_out_is_noted_once_a_kind) {
   const ObjMesh mesh = read(
       "v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2\nl 2 3\np 1\nf 1 2\nf 1 2 3\nwhatever 1\nsurf 1\nf 3 2 1");
