@@ -88,6 +88,9 @@ void fill(Scene::Data& scene, const MeshView& mesh, const Shading& shading) {
   copy(mesh.normals, scene.normals);
   copy(mesh.uvs, scene.uvs);
   copy(mesh.colors, scene.colors);
+  // Beyond 0 and 1 a surface would send out more light than it gets, or less than none.
+  for (Vec4& c : scene.colors)
+    for (float* part : {&c.x, &c.y, &c.z, &c.w}) *part = std::clamp(*part, 0.0f, 1.0f);
   copy(shading.materials, scene.materials);
   if (scene.materials.empty()) scene.materials.push_back(default_material());
   for (const TextureView& texture : shading.textures) scene.textures.emplace_back(texture);

@@ -83,6 +83,18 @@ TEST(Render, white_surfaces_stay_white_at_grazing_angles) {
   }
 }
 
+TEST(Render, vertex_colours_out_of_range_make_and_swallow_no_light) {
+  Mesh mesh = square(100);
+  const auto radiance = [&](const Vec4& color) {
+    mesh.colors.assign(4, color);
+    const Scene scene = scene_of(mesh, {lambert(1.0f)}, constant(1));
+    return render(scene, from_above(), small_picture(1, 256)).image.pixels[0];
+  };
+  const Vec3 found = radiance({3, 0.5f, -2, 1});
+  EXPECT_EQ(found, radiance({1, 0.5f, 0, 1}));
+  EXPECT_NEAR(found.x, 1, 0.01);
+}
+
 TEST(Render, a_plane_under_an_even_sky_has_the_radiance_of_its_albedo) {
   const Scene scene = scene_of(square(100), {lambert(0.5f)}, constant(2));
   EXPECT_NEAR(mean(render(scene, from_above(), small_picture(8, 512)).image), 1.0, 0.005);
