@@ -139,6 +139,17 @@ def test_obj_has_numbers_of_materials_that_are_not_there(
     assert names == [materials[0].name if materials else "material_0", "material_7"]
 
 
+def test_obj_says_that_colours_are_too_bright(tmp_path: Path) -> None:
+    mesh = square(umbel.Material())
+    mesh.colors = np.array([[6, 4, 1, 1], [0.5, 0, 1, 1], [1, 1, 1, 1], [0, 0, 0, 1]], np.float32)
+    with pytest.warns(umbel.LoadWarning, match="no place for: colours so bright"):
+        umbel.save(tmp_path / "a.obj", mesh)
+    read = umbel.load(tmp_path / "a.obj").colors
+    assert read is not None
+    mesh.colors[0, 0] = linear(2)
+    np.testing.assert_allclose(read, mesh.colors, rtol=1e-5)
+
+
 def test_obj_says_that_it_has_no_samplers_and_no_backs(tmp_path: Path) -> None:
     mesh = square(umbel.Material(double_sided=True, images={"base_color": image(1, nearest=True)}))
     says = "which materials are double-sided; how textures are filtered or mirrored"

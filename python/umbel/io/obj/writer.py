@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from umbel.errors import warn_lost
 from umbel.geometry.mesh import Mesh
-from umbel.io.colors import to_srgb
+from umbel.io.colors import MOST_BRIGHT, to_srgb
 from umbel.io.files import replacing_together
 from umbel.io.format_losses import attribute_losses, copyright_line
 from umbel.io.obj.mtl_writer import MtlWriter, encoded, head
@@ -49,7 +49,8 @@ def _write(file: IO[bytes], mesh: Mesh, library: MtlWriter) -> None:
     points: NDArray[Any] = mesh.vertices
     row = "v" + (" %.9g" if points.dtype == np.float32 else " %r") * 3
     if mesh.colors is not None:
-        points = np.concatenate([points, to_srgb(mesh.colors[:, :3])], axis=1)
+        colors = np.minimum(to_srgb(mesh.colors[:, :3]), np.float32(MOST_BRIGHT))
+        points = np.concatenate([points, colors], axis=1)
         row += " %.9g %.9g %.9g"
     _write_rows(file, row, points)
     if uvs is not None:
@@ -76,6 +77,8 @@ def _losses(mesh: Mesh) -> list[str]:
         lost.append("tangents")
     if mesh.colors is not None and (mesh.colors[:, 3] != 1).any():
         lost.append("the alpha of colours")
+    if mesh.colors is not None and (to_srgb(mesh.colors[:, :3]) > MOST_BRIGHT).any():
+        lost.append("colours so bright that they could be bytes")
     return lost
 
 
