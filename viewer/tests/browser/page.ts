@@ -3,6 +3,7 @@
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { type BrowserContext, test as base, expect, type Page } from "@playwright/test";
+import type { Box3 } from "three";
 import type { AssetInfo } from "../../packages/umbel/src/stream/asset_info.js";
 import type { StreamStatistics } from "../../packages/umbel/src/stream/stream_update.js";
 import { ASSETS, ROOT } from "../support/assets.js";
@@ -24,6 +25,8 @@ interface PageViewer {
       pages: ReadonlyMap<number, number>;
       children: unknown[];
       info: AssetInfo;
+      box: Box3;
+      shownBox(): Box3;
     }[];
     height: number;
     camera: {

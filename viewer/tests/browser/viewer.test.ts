@@ -1,4 +1,5 @@
 import { readFileSync } from "node:fs";
+import type { Page } from "@playwright/test";
 import type { GroupInfo } from "../../packages/umbel/src/decode/group.js";
 import { cameraView } from "../../packages/umbel/src/select/select.js";
 import { assetBytes, expectedOf, words } from "../support/assets.js";
@@ -30,6 +31,15 @@ function libraryTriangles(pose: Pose, fov: number, height: number, pixels: numbe
   return select(ASSET, view).reduce((sum, c) => sum + TRIANGLES[c], 0);
 }
 
+function cameraDistance(page: Page): Promise<number> {
+  return page.evaluate(() => {
+    const { position, target } = (
+      globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>
+    ).viewport.camera.pose;
+    return Math.hypot(...position.map((x, i) => x - target[i]));
+  });
+}
+
 test("opens, streams and shows", async ({ page, host }) => {
   const problems: string[] = [];
   page.on("pageerror", (error) => problems.push(error.message));
@@ -46,6 +56,29 @@ test("opens, streams and shows", async ({ page, host }) => {
   await expect(page.locator(".title p")).toHaveText(`327,680 triangles, ${LEVELS} levels`);
   await expect(page.locator('[data-counter="draws"] .value')).toHaveText("1");
   expect(problems).toEqual([]);
+});
+
+test("the whole asset is shown as large as it is, though coarse clusters stick out", async ({
+  page,
+  host,
+}) => {
+  await page.goto(`${host.url}/?asset=scattered.umbel`);
+  await settled(page);
+  const sizes = await page.evaluate(() => {
+    const [mesh] = (globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>).viewport
+      .meshes;
+    return [mesh.box, mesh.shownBox()].map(({ min, max }) => min.distanceTo(max));
+  });
+  const [all, shown] = sizes as [number, number];
+  expect(all).toBeGreaterThan(1.3 * shown);
+  const distance = await cameraDistance(page);
+  await page.keyboard.press("Home");
+  await settled(page);
+  expect(await cameraDistance(page)).toBeCloseTo(distance, 1);
+  // Half the width needs more distance, and the camera is still where the whole asset is shown.
+  await page.keyboard.press("c");
+  await settled(page);
+  expect(await cameraDistance(page)).toBeGreaterThan(1.1 * distance);
 });
 
 test("orbiting and zooming change the cut", async ({ page, host }) => {

@@ -178,6 +178,12 @@ def main() -> None:
     big = umbel.shapes.blob(7, seed=5)
     umbel.build_lod(big, precision="16bits").save(folder / "planet.umbel")
     dump(folder / "planet.umbel")
+    # Coarse triangles that stick out of the source.
+    random = np.random.default_rng(1)
+    corners = random.random((2000, 1, 3)) + 0.05 * random.normal(size=(2000, 3, 3))
+    corners = corners.astype(np.float32).reshape(-1, 3)
+    numbers = np.arange(6000, dtype=np.uint32).reshape(-1, 3)
+    umbel.build_lod((corners, numbers), max_triangles=32).save(folder / "scattered.umbel")
     # More than 4096 pages, so that their table is read in slices.
     umbel.build_lod(umbel.shapes.blob(8, seed=5), max_triangles=8).save(
         folder / "paged.umbel", page_bytes=4096

@@ -4,6 +4,7 @@
 import {
   type AssetInfo,
   type AssetStream,
+  boundsOf,
   cameraView,
   jsonOf,
   listOf,
@@ -99,7 +100,7 @@ export class PreviewRenderer {
     const sphere = boundingSphereOf(stream.info);
     const { position, target } = pose
       ? translated(pose, stream.info.origin, -1)
-      : homePose(stream.info, width / height);
+      : homePose(boundsOf(stream.info), width / height);
     const distance = Math.hypot(...position.map((x, i) => x - (sphere.center[i] as number)));
     const { near, far } = depthsOf(distance, sphere.radius);
     const projection = perspective(FOV, width / height, near, far);

@@ -1,6 +1,6 @@
 // The camera's first pose and its depth range.
 
-import { boundsOf } from "umbel";
+import { type Bounds, boundsOf } from "umbel";
 import type { CameraPose } from "../state";
 
 /** Vertical field of view, in degrees. */
@@ -23,17 +23,22 @@ export interface Sphere {
   radius: number;
 }
 
+function centerOf({ low, high }: Bounds): Point {
+  return low.map((x, i) => 0.5 * (x + (high[i] as number))) as Point;
+}
+
 /** The sphere around the bounding box of an asset. */
 export function boundingSphereOf(info: Boxes): Sphere {
   const { low, high } = boundsOf(info);
-  const center = low.map((x, i) => 0.5 * (x + (high[i] as number))) as Point;
-  return { center, radius: 0.5 * Math.hypot(...low.map((x, i) => (high[i] as number) - x)) };
+  return {
+    center: centerOf({ low, high }),
+    radius: 0.5 * Math.hypot(...low.map((x, i) => (high[i] as number) - x)),
+  };
 }
 
-/** The nearest pose that shows the whole asset; `aspect` is the picture's width over height. */
-export function homePose(info: Boxes, aspect: number): CameraPose {
-  const { low, high } = boundsOf(info);
-  const { center } = boundingSphereOf(info);
+/** The nearest pose that shows a whole box; `aspect` is the picture's width over height. */
+export function homePose({ low, high }: Bounds, aspect: number): CameraPose {
+  const center = centerOf({ low, high });
   const up = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
   const [x, y, z] = HOME_DIRECTION;
   const flat = Math.hypot(x, z);

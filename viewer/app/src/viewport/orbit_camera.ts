@@ -54,15 +54,25 @@ export class OrbitCamera {
     this.onChange();
   }
 
-  /** Shows the whole of a mesh; `aspect` is the picture's width over height. */
-  frame(mesh: UmbelMesh, aspect: number): void {
-    this.setPose(translated(homePose(mesh.info, aspect), this.origin, 1));
-    this.home = this.perspective.position.clone();
+  /**
+   * Shows the whole of a mesh; `aspect` is the picture's width over height. Does nothing if the camera
+   * would move by no more than `least` of its distance.
+   */
+  frame(mesh: UmbelMesh, aspect: number, least = 0): void {
+    const { min, max } = mesh.shownBox();
+    const pose = homePose({ low: min.toArray(), high: max.toArray() }, aspect);
+    const { position } = this.perspective;
+    const move = position.distanceTo(new Vector3(...pose.position));
+    if (least > 0 && move <= least * position.distanceTo(this.target)) return;
+    this.setPose(translated(pose, this.origin, 1));
+    this.home = position.clone();
   }
 
-  /** Whether the camera is where `frame` put it. */
+  /** Whether the camera is where `frame` put it, up to the rounding of its controls. */
   get isHome(): boolean {
-    return this.home !== undefined && this.perspective.position.distanceTo(this.home) === 0;
+    const { position } = this.perspective;
+    if (!this.home) return false;
+    return position.distanceTo(this.home) <= 1e-9 * position.distanceTo(this.target);
   }
 
   /** Moves camera and target by parts of their distance, along the camera's axes. */

@@ -43,6 +43,9 @@ export interface PickedCluster {
   point: number[];
 }
 
+/** Move of the camera that is worth its while when the asset's size is known better. */
+const HOME_STEP = 0.01;
+
 export class Viewport {
   readonly canvas: HTMLCanvasElement;
   readonly camera: OrbitCamera;
@@ -63,6 +66,8 @@ export class Viewport {
   private readonly background = new Background(this.scene);
   private readonly lineMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.55 });
   private readonly textureWait = new TextureWait();
+  /** The cut that the whole asset was shown by; undefined when that is known well enough. */
+  private framedCut: number | undefined;
   private isRequested = false;
   private lastFrame = 0;
   private wasMoving = false;
@@ -130,6 +135,7 @@ export class Viewport {
       mesh.onChange = () => this.requestFrame();
       this.scene.add(mesh);
     }
+    if (side === 0) this.framedCut = -1;
     // The scene's zero is that of the first asset, so drawn coordinates are small.
     this.camera.origin = this.meshes[0]?.origin ?? [0, 0, 0];
     for (const each of this.meshes) each?.setSceneOrigin(this.camera.origin);
@@ -173,13 +179,23 @@ export class Viewport {
     this.background.prepare(material, ...this.size);
   }
 
-  /** Moves the camera to show the whole asset. */
-  frameAll(): void {
+  /** Moves the camera to show the whole asset, if it moves by more than `least` of its distance. */
+  frameAll(least = 0): void {
     const mesh = this.meshes[0];
     if (!mesh) return;
     const [width, height] = this.size;
     const panes = this.state.layout === "side" ? 2 : 1;
-    this.camera.frame(mesh, width / panes / height);
+    this.camera.frame(mesh, width / panes / height, least);
+  }
+
+  /** Coarse clusters may stick out of an asset, so its size is known only as finer ones arrive. */
+  private refineHome(): void {
+    const mesh = this.meshes[0];
+    if (!mesh || this.framedCut === undefined) return;
+    if (this.camera.isHome && this.framedCut !== mesh.cutVersion) this.frameAll(HOME_STEP);
+    const isFine = this.textureWait.errorFactor(mesh) === 1 && mesh.isCutSettled;
+    const isOver = isFine || !this.camera.isHome;
+    this.framedCut = isOver ? undefined : mesh.cutVersion;
   }
 
   /** Requests a frame, once. */
@@ -202,6 +218,7 @@ export class Viewport {
     this.wasMoving = isDriven || isDamping;
     if (this.wasMoving) this.requestFrame();
     this.draw();
+    this.refineHome();
     this.setPixelErrors();
     const sum = (of: (mesh: UmbelMesh) => number) =>
       this.meshes.reduce((total, mesh) => total + (mesh ? of(mesh) : 0), 0);

@@ -127,6 +127,18 @@ test("reaches the library's cut from coarse to fine, with few bytes more than it
   );
 });
 
+test("tells which view and budget its counts are of", async () => {
+  const watched = await Watched.open(new MemorySource(FILE), HUGE);
+  watched.streamer.setViews(viewsOf(cameraView([0, 0, 20], 0.8, 800, 2)));
+  await watched.until((s) => s.isSettled);
+  expect(watched.last.revision).toBe(1);
+  watched.streamer.setViews(viewsOf(cameraView(NEAR, 0.8, 800, 2)));
+  watched.streamer.setBudget(HUGE / 2);
+  await watched.until((s) => s.revision === 3);
+  expect(watched.last.isSettled).toBe(false);
+  await watched.until((s) => s.isSettled);
+});
+
 test("follows a camera within its budget, without holes", async () => {
   const budget = 8_000_000;
   const watched = await Watched.open(new MemorySource(FILE), budget);

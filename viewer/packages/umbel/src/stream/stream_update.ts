@@ -20,6 +20,8 @@ export interface StreamStatistics {
   scale: number;
   /** Whether the selected cuts are drawn. */
   isSettled: boolean;
+  /** Number of views and budgets that the stream was given so far: these counts are of the last. */
+  revision: number;
   /** Placements that a tree of instances shows, and its instances; 0 without one. */
   shownInstances: number;
   instances: number;

@@ -56,6 +56,7 @@ export class Streamer {
   private rowsHash: number | undefined;
   private treeTime = 0;
   private needsTree = false;
+  private revision = 0;
   private readonly openSlices = new Set<number>();
   private lastCounts = { triangles: 0, clusters: 0 };
 
@@ -92,6 +93,7 @@ export class Streamer {
 
   /** Of an asset with a tree of instances: selects from it, in place of views of the listed ones. */
   setScene(scene: SceneView): void {
+    ++this.revision;
     this.tree?.setView(scene);
     this.needsTree = this.tree !== undefined;
     this.schedule(true);
@@ -125,11 +127,13 @@ export class Streamer {
   }
 
   setViews(views: readonly MeshView[]): void {
+    ++this.revision;
     this.residency.setViews(views);
     this.schedule(true);
   }
 
   setBudget(bytes: number): void {
+    ++this.revision;
     this.budget = bytes;
     this.tree?.setBudget(bytes);
     this.needsTree = this.tree !== undefined;
@@ -354,6 +358,7 @@ export class Streamer {
         damagedPages: this.damagedPages + (tree?.damaged ?? 0),
         scale: Math.max(residency.scale, tree?.scale ?? 1),
         isSettled: residency.isSettled && missingOfTree === 0 && !this.needsTree,
+        revision: this.revision,
         shownInstances: tree?.shown ?? 0,
         instances: tree?.total ?? 0,
         selectTime: this.selectTime,

@@ -1,9 +1,9 @@
 // An instance of a mesh in the object: it lists the ranges to draw, by arena and material.
 
-import { type Frustum, type Material, Matrix4, type Object3D } from "three";
+import { type Box3, type Frustum, type Material, Matrix4, type Object3D } from "three";
 import type { Instance as InstanceRow } from "../format/tables.js";
 import { matrixOf } from "./camera_view.js";
-import { type ClusterInfo, clusterInfo } from "./cluster_info.js";
+import { boxOf, type ClusterInfo, clusterInfo } from "./cluster_info.js";
 import type { Arena } from "./geometry/arena.js";
 import { Batch, LineBatch } from "./geometry/batch.js";
 import type { ResidentGroup } from "./geometry/resident_groups.js";
@@ -55,6 +55,15 @@ export class MeshInstance {
         yield { ...info, instance: number, matrix };
       }
     }
+  }
+
+  /** Expands a box of the object by the clusters of the cut, culled ones included. */
+  expand(box: Box3): void {
+    this.runs(({ group }, first, count) => {
+      const begin = first - group.firstCluster;
+      for (let i = begin; i < begin + count; ++i)
+        box.union(boxOf(group, i).applyMatrix4(this.matrix));
+    });
   }
 
   worldMatrix(): Matrix4 {

@@ -67,6 +67,7 @@ export class UmbelMesh extends Object3D {
   /** Milliseconds of the last call of `update`. */
   updateTime = 0;
   readonly materials: Materials;
+  /** Contains the clusters of all levels of detail; coarse ones may stick out of the full mesh. */
   readonly box: Box3;
   /** Called with each new material. */
   onMaterial: ((material: Material) => void) | undefined;
@@ -174,10 +175,19 @@ export class UmbelMesh extends Object3D {
     return { ...counts, isComplete: isComplete && isKnown };
   }
 
-  /** Whether all selected geometry and textures have arrived. */
+  /** Whether all selected geometry has arrived, for the view of the last update. */
+  get isCutSettled(): boolean {
+    const isCurrent = this.updates.isEmpty && this.statistics?.revision === this.stream.revision;
+    return isCurrent && this.statistics?.isSettled === true;
+  }
+
+  /** Whether all selected geometry and textures have arrived, for the view of the last update. */
   get isSettled(): boolean {
-    const isDrawn = this.updates.isEmpty && this.statistics?.isSettled === true;
-    return isDrawn && this.texelDemand.isDone && this.materials.textures.statistics.missing === 0;
+    return (
+      this.isCutSettled &&
+      this.texelDemand.isDone &&
+      this.materials.textures.statistics.missing === 0
+    );
   }
 
   /** Sets the bytes of memory for geometry and textures. */
@@ -223,7 +233,8 @@ export class UmbelMesh extends Object3D {
     if (!this.isFrozen)
       this.views.update({ camera, height, pixelError, offscreen }, this.matrixWorld);
     this.cullAndCount(camera);
-    this.budget.setSlack(this.residents.slack);
+    // Edges may have been made or freed. In the middle of an update more is free than there will be.
+    if (this.updates.isEmpty) this.budget.setSlack(this.residents.slack);
     const key = `${this.views.version} ${this.cutVersion}`;
     this.texelDemand.update(this.instances, camera, height, key, {
       measured: (texels) => this.materials.textures.setDemand(texels, renderer),
@@ -231,6 +242,16 @@ export class UmbelMesh extends Object3D {
     });
     if (this.drawn.triangles > 0 && this.texelDemand.isDone) this.materials.textures.beginFrame();
     this.updateTime = performance.now() - start;
+  }
+
+  /**
+   * The box of what is drawn, also outside of the picture: that of the full mesh, up to the error. It
+   * is `box` while nothing is drawn, and with a tree of instances.
+   */
+  shownBox(): Box3 {
+    const box = new Box3();
+    if (!this.info.hasInstanceTree) for (const instance of this.instances) instance.expand(box);
+    return box.isEmpty() ? this.box : box;
   }
 
   /** The clusters of the cut, of every instance, culled ones included. */
@@ -262,6 +283,7 @@ export class UmbelMesh extends Object3D {
   /** Of an update whose groups are uploaded. */
   private finish(update: StreamUpdate): void {
     for (const group of update.removed) this.residents.remove(group);
+    this.budget.setSlack(this.residents.slack);
     this.statistics = update.statistics;
     for (let i = 0; i < update.pages.length; i += 2) {
       const [page, state] = [update.pages[i] as number, update.pages[i + 1] as number];

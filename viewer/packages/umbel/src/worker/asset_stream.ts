@@ -10,6 +10,8 @@ import type { FromWorker, ToWorker } from "./messages.js";
 export class AssetStream {
   /** Called with each update that arrives before a listener is set. */
   onPreviewUpdate: ((update: StreamUpdate) => void) | undefined;
+  /** Number of views and budgets so far; see StreamStatistics. */
+  revision = 0;
   private currentListener: StreamListener | undefined;
   /** Updates that arrived before a listener was set. */
   private readonly earlyUpdates: StreamUpdate[] = [];
@@ -75,15 +77,18 @@ export class AssetStream {
   }
 
   setViews(views: MeshView[]): void {
+    ++this.revision;
     send(this.worker, { type: "views", views });
   }
 
   /** Of an asset with a tree of instances: selects from it, in place of views of the listed ones. */
   setScene(scene: SceneView): void {
+    ++this.revision;
     send(this.worker, { type: "scene", scene });
   }
 
   setBudget(bytes: number): void {
+    ++this.revision;
     send(this.worker, { type: "budget", bytes });
   }
 
