@@ -16,7 +16,7 @@ from umbel.accel.rays import mask_array
 from umbel.accel.tree_options import TreeOptions, tree_config
 from umbel.accel.trees import Bvh2, KaryTree
 from umbel.errors import Error
-from umbel.geometry.arrays import about, indices, native, rows, thread_count
+from umbel.geometry.arrays import about, indices, native, numbers, rows, thread_count
 from umbel.geometry.mesh import Mesh
 from umbel.geometry.origin import origin_of, warn_of_origin
 from umbel.geometry.repair import Progress
@@ -122,6 +122,8 @@ class Bvh(TriangleQueries):
     ) -> Bvh:
         """The hierarchy that a tree over the triangles of this mesh becomes. Of a `KaryTree` nodes
         with no more children than `width` stay as they are."""
+        if not isinstance(tree, (Bvh2, KaryTree)):
+            raise Error(f"tree must be a Bvh2 or a KaryTree, not a {type(tree).__name__}")
         mesh = mesh_from(positions, triangles)
         bvh = _umbel.Bvh.widen(
             tree._native,
@@ -147,7 +149,7 @@ class Bvh(TriangleQueries):
     ) -> Bvh:
         """Reads what `save` wrote; a file that is not whole is refused. `origin` is that of the
         hierarchy that was saved, which the file does not hold."""
-        return cls._of(_umbel.Bvh.load(os.fspath(path), simd), None, origin=origin)
+        return cls._of(_umbel.Bvh.load(os.fspath(path), str(simd)), None, origin=origin)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a `.umbvh` file, beside its name first, so that no half file is left. Warns where
@@ -181,24 +183,24 @@ class Bvh(TriangleQueries):
         common, sorted. Decided exactly: triangles that only touch, also in one plane, count.
         Surfaces collide, not what they enclose. `transform`, (4, 4) or (3, 4), places the other
         mesh; its corners are mapped in double and rounded to floats."""
-        return self._native.collide(
-            other._native, self._pose_of(other, transform), thread_count(threads)
-        )
+        pose = self._pose_of(other, transform)
+        return self._native.collide(other._native, pose, thread_count(threads))
 
     def collides(self, other: Bvh, transform: ArrayLike | None = None, *, threads: int = 0) -> bool:
         """Whether there is such a pair; stops at the first that is found."""
-        return self._native.collides(
-            other._native, self._pose_of(other, transform), thread_count(threads)
-        )
+        pose = self._pose_of(other, transform)
+        return self._native.collides(other._native, pose, thread_count(threads))
 
     def _pose_of(self, other: Bvh, transform: ArrayLike | None) -> list[float]:
         """The map from the other mesh's local coordinates to this one's, row by row."""
-        rows = np.eye(4) if transform is None else np.asarray(transform, np.float64)
+        if not isinstance(other, Bvh):
+            raise Error(f"other must be a Bvh, not a {type(other).__name__}")
+        rows = np.eye(4) if transform is None else numbers("transform", transform)
         if rows.shape not in ((4, 4), (3, 4)):
             raise Error(f"transform must have shape (4, 4) or (3, 4), not {rows.shape}")
         if rows.shape == (4, 4) and (rows[3] != (0, 0, 0, 1)).any():
             raise Error("the last row of transform must be 0, 0, 0, 1")
-        local = rows[:3].copy()
+        local = rows[:3].astype(np.float64)
         local[:, 3] += local[:, :3] @ other._origin - self._origin
         return [float(x) for x in local.ravel()]
 

@@ -13,7 +13,7 @@ from umbel.accel.inputs import box_of
 from umbel.accel.tree_options import TreeOptions, tree_config
 from umbel.accel.trees import Bvh2
 from umbel.errors import Error
-from umbel.geometry.arrays import rows, thread_count, whole
+from umbel.geometry.arrays import array_of, rows, thread_count, whole
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -101,7 +101,7 @@ class DynamicTree:
         return 0 <= number < 2**32 and self._native.contains(number)
 
     def _in_use(self, given: ArrayLike) -> NDArray[np.uint32]:
-        array = np.atleast_1d(np.asarray(given))
+        array = np.atleast_1d(array_of("numbers", given))
         if array.ndim != 1 or (array.size > 0 and array.dtype.kind not in "iu"):
             raise Error("numbers must be whole numbers, of shape (k,)")
         values = array.tolist()
@@ -123,7 +123,7 @@ class DynamicTree:
 
 
 def _boxes(given: ArrayLike) -> NDArray[np.float32]:
-    return rows("boxes", np.atleast_2d(np.asarray(given)), 6)
+    return rows("boxes", np.atleast_2d(array_of("boxes", given)), 6)
 
 
 def _check(boxes: NDArray[np.float32]) -> None:

@@ -15,7 +15,7 @@ from umbel import _umbel
 from umbel.accel.inputs import point_of
 from umbel.accel.rays import RayQueries
 from umbel.errors import Error
-from umbel.geometry.arrays import number, rows, thread_count
+from umbel.geometry.arrays import number, numbers, rows, thread_count
 from umbel.geometry.camera import moved_planes
 
 
@@ -85,9 +85,10 @@ class TriangleQueries(RayQueries, ABC):
     def overlaps_frustum(self, planes: ArrayLike) -> NDArray[np.int32]:
         """Triangles that touch the points with a x + b y + c z + d >= 0 for all planes, (6, 4)
         rows of a, b, c, d; near its edges a few more."""
-        if self._origin.any() and np.shape(planes) == (6, 4):
-            planes = moved_planes(planes, -self._origin)
-        array = rows("planes", planes, 4)
+        array = numbers("planes", planes)
+        if self._origin.any() and array.shape == (6, 4):
+            array = moved_planes(array, -self._origin)
+        array = rows("planes", array, 4)
         if len(array) != 6:
             raise Error(f"planes must have shape (6, 4), not {array.shape}")
         return self._native.overlaps_frustum(array)

@@ -97,7 +97,9 @@ class RayQueries:
         passes through triangles that are seen from behind."""
         rays = ray_arrays(self._local("origins", origins), directions, t_min, t_max)
         bits = whole("mask", mask)
-        return Hits(*self._native.intersect(*rays, bits, cull_back_faces, thread_count(threads)))
+        return Hits(
+            *self._native.intersect(*rays, bits, bool(cull_back_faces), thread_count(threads))
+        )
 
     def occluded(
         self,
@@ -113,7 +115,7 @@ class RayQueries:
         """(n,) whether each ray hits anything; faster than asking for the nearest."""
         rays = ray_arrays(self._local("origins", origins), directions, t_min, t_max)
         bits = whole("mask", mask)
-        return self._native.occluded(*rays, bits, cull_back_faces, thread_count(threads))
+        return self._native.occluded(*rays, bits, bool(cull_back_faces), thread_count(threads))
 
     def all_hits(
         self,
@@ -132,7 +134,7 @@ class RayQueries:
         rays = ray_arrays(self._local("origins", origins), directions, t_min, t_max)
         bits = whole("mask", mask)
         return AllHits(
-            *self._native.all_hits(*rays, most, bits, cull_back_faces, thread_count(threads))
+            *self._native.all_hits(*rays, most, bits, bool(cull_back_faces), thread_count(threads))
         )
 
 

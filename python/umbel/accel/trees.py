@@ -11,7 +11,7 @@ from umbel import _umbel
 from umbel.accel.inputs import boxes_from, geometry_of, mesh_from
 from umbel.accel.tree_options import TreeOptions, tree_config
 from umbel.errors import Error
-from umbel.geometry.arrays import about, as_mesh, thread_count
+from umbel.geometry.arrays import about, as_mesh, numbers, thread_count
 from umbel.geometry.repair import Progress
 
 if TYPE_CHECKING:
@@ -40,12 +40,20 @@ class _Tree:
 
     def statistics(self, cost: tuple[float, float] | None = None) -> dict[str, Any]:
         """`nodes leaves max_depth references sah_cost bytes`."""
-        return self._native.statistics(*(cost or self._config.cost))
+        return self._native.statistics(*self._costs(cost))
 
     def sah_cost(self, cost: tuple[float, float] | None = None) -> float:
         """Expected cost of a random line, for (traversal, intersection) costs; those of the build
         where None. A visit of a node costs the same for any number of children."""
         return float(self.statistics(cost)["sah_cost"])
+
+    def _costs(self, cost: tuple[float, float] | None) -> tuple[float, float]:
+        if cost is None:
+            return self._config.cost
+        costs = numbers("cost", cost)
+        if costs.shape != (2,) or not (np.isfinite(costs) & (costs >= 0)).all():
+            raise Error(f"cost must be two finite numbers from 0 on, not {cost!r}")
+        return float(costs[0]), float(costs[1])
 
     def __repr__(self) -> str:
         nodes, primitives = len(self._native.nodes), len(self.primitives)
@@ -79,8 +87,9 @@ class Bvh2(_Tree):
         """End-point overlap (Aila, Karras & Laine 2013); only for trees over triangles."""
         if self._mesh is None:
             raise Error("epo needs triangles, and this tree was built over boxes")
-        costs = cost or self._config.cost
-        return self._native.end_point_overlap(self._mesh, *costs, threads=thread_count(threads))
+        return self._native.end_point_overlap(
+            self._mesh, *self._costs(cost), threads=thread_count(threads)
+        )
 
 
 def build_bvh2(

@@ -106,6 +106,8 @@ def test_mistakes_leave_a_dynamic_tree_as_it_was() -> None:
         lambda: tree.remove([3, 10]),
         lambda: tree.remove([3, 3]),
         lambda: tree.remove([3.5]),
+        lambda: tree.remove([[1, 2], [3]]),
+        lambda: tree.insert([[1, 2], [3]]),
         lambda: tree.insert(np.vstack([boxes[:2], np.full((1, 6), np.nan)])),
         lambda: tree.move([1, 2], boxes[:1]),
         lambda: tree.refit([1], boxes[:1, ::-1]),

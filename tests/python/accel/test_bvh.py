@@ -89,6 +89,19 @@ def test_trees_over_boxes_and_hierarchies_from_trees(blob: Mesh) -> None:
     assert len(kept) == len(blob.triangles) and str(len(kept)) in repr(kept)
 
 
+def test_what_is_no_tree_and_no_costs_is_refused(blob: Mesh) -> None:
+    for tree in (umbel.Bvh(blob), None, 3):
+        with pytest.raises(umbel.Error, match=r"^tree must be a Bvh2 or a KaryTree"):
+            umbel.Bvh.from_tree(tree, blob)  # type: ignore[arg-type]
+    tree = umbel.build_bvh2(blob)
+    for ask in (tree.statistics, tree.sah_cost, tree.epo, umbel.build_kary(blob).sah_cost):
+        for wrong in (3, (), (1, 2, 3), "ab", (1, -1), (math.nan, 1), [[1], [2, 3]]):
+            with pytest.raises(umbel.Error, match=r"^cost must"):
+                ask(wrong)  # type: ignore[arg-type]
+    assert tree.sah_cost(np.array([3, 2])) == tree.sah_cost()  # type: ignore[arg-type]
+    assert tree.sah_cost((3, 0)) + tree.sah_cost((0, 2)) == pytest.approx(tree.sah_cost())
+
+
 OPTIONS: list[tuple[str, dict[str, Any]]] = [
     ("binned", {"max_leaf_size": 1}),
     ("binned", {"bins": 4}),

@@ -72,3 +72,15 @@ def test_what_is_no_transform_is_refused() -> None:
     for wrong in (np.eye(3), np.zeros((4, 4)), np.full((3, 4), np.nan)):
         with pytest.raises(umbel.Error):
             bvh.collide(bvh, wrong)
+
+
+def test_what_is_no_hierarchy_or_holds_no_numbers_is_refused() -> None:
+    bvh = umbel.Bvh(umbel.shapes.sphere(1))
+    for other in (3, None, umbel.KdTree(umbel.shapes.sphere(1))):
+        for query in (bvh.collide, bvh.collides):
+            with pytest.raises(umbel.Error, match=r"^other must be a Bvh"):
+                query(other)  # type: ignore[arg-type, operator]
+    for wrong in ("x", [["a"] * 4] * 4, [[1, 2], [1]], [[1j] * 4] * 3):
+        with pytest.raises(umbel.Error, match=r"^transform must"):
+            bvh.collide(bvh, wrong)  # type: ignore[arg-type]
+    assert bvh.collides(bvh, np.eye(4, dtype=int))

@@ -160,7 +160,8 @@ def test_back_faces_are_seen_or_not() -> None:
     bvh = umbel.Bvh(umbel.shapes.sphere(3))
     directions = random_directions(100, 8)
     assert bvh.occluded([0, 0, 0], directions).all()
-    assert not bvh.occluded([0, 0, 0], directions, cull_back_faces=True).any()
+    for cull in (True, np.True_):
+        assert not bvh.occluded([0, 0, 0], directions, cull_back_faces=cull).any()
     outside = 3 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
     assert bvh.occluded(outside, -directions, cull_back_faces=True).all()
     counts = bvh.all_hits(outside, -directions, cull_back_faces=True).counts
