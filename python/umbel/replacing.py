@@ -27,7 +27,7 @@ def replacing_together() -> Iterator[Opener]:
 
     @contextlib.contextmanager
     def opened(path: Path) -> Iterator[IO[bytes]]:
-        target = _behind_links(path)
+        target = behind_links(path)
         # Named before it is made, so that an interrupt at any moment leaves nothing.
         temporary = beside(target)
         temporaries[str(target)] = str(temporary)
@@ -64,7 +64,7 @@ def beside(path: Path) -> Path:
     return path.parent / f".{name}.{secrets.token_hex(8)}.part"
 
 
-def _behind_links(path: Path) -> Path:
+def behind_links(path: Path) -> Path:
     """Where the bytes go: through a link, so that it stays one."""
     if path.exists() and not path.is_file() and not path.is_dir():
         raise Error(f"{path} is not a regular file")  # renaming onto a device would replace it

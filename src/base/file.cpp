@@ -41,6 +41,9 @@ namespace fs = std::filesystem;
 fs::path resolved_target(const fs::path& path) {
   std::error_code ignored;
   const fs::file_status status = fs::status(path, ignored);
+  // A link to what is not there yet; one that leads to itself has no type.
+  if (status.type() == fs::file_type::not_found && fs::is_symlink(path, ignored))
+    return resolved_target(path.parent_path() / fs::read_symlink(path));
   if (!fs::exists(status)) return path;
   // Renaming onto a device or a folder would replace it.
   if (!fs::is_regular_file(status)) fail_not_regular(path);

@@ -186,6 +186,11 @@ def build_with(
     precision = exact_but(attribute_bits)
     place = _place(source, output, work, executor is not None)
     folder_path, made = place.folder, place.output
+    target = Path(os.path.realpath(made))
+    if target.is_dir():
+        raise Error(f"cannot write {made}: it is a folder")
+    if not target.parent.is_dir():
+        raise Error(f"cannot write {made}: there is no folder {target.parent}")
     # Names of files may be no text.
     input_named = place.named.encode("utf-8", "backslashreplace").decode()
     identity = [("format", "1"), ("library", library()), ("input", input_named)]
@@ -424,9 +429,11 @@ def _is_same_input(source: Source, path: Path, is_resumed: bool) -> bool:
 
 def _remove_leftovers(output: Path) -> None:
     """Half-written files of this output, of processes that are gone."""
-    for path in output.absolute().parent.iterdir():
+    target = Path(os.path.realpath(output))
+    begin = "." + os.fsdecode(os.fsencode(target.name)[:200])
+    for path in target.parent.iterdir():
         name, *parts = path.name.rsplit(".", 3)
-        own = name == f".{output.name}" and len(parts) == 3 and parts[2] == "tmp"
+        own = name == begin and len(parts) == 3 and parts[2] == "tmp"
         if own and parts[0].isdigit() and not _is_alive(int(parts[0])):
             path.unlink(missing_ok=True)
 

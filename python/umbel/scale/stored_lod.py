@@ -16,7 +16,7 @@ from umbel.geometry.mesh import Mesh
 from umbel.geometry.repair import Progress
 from umbel.io.files import replacing
 from umbel.lod.asset import Asset
-from umbel.replacing import beside
+from umbel.replacing import behind_links, beside
 from umbel.scale.build_asset import build_with
 from umbel.scale.storage import as_path, is_address
 
@@ -45,7 +45,7 @@ class StoredLod(Asset):
     def save(self, path: str | os.PathLike[str]) -> int:
         """Writes the asset beside `path` and renames it, so that a file of that name is always
         whole. Returns its bytes. On the disk of the work folder nothing is copied."""
-        target = Path(path)
+        target = behind_links(Path(path))
         if not _linked(Path(self.path), target):
             with replacing(target) as out, open(self.path, "rb") as file:
                 shutil.copyfileobj(file, out, 1 << 22)

@@ -129,6 +129,23 @@ TEST(File, a_link_stays_one) {
   EXPECT_EQ(read_bytes(scratch / "target"), numbered(50));
 }
 
+TEST(File, a_link_to_what_is_not_there_stays_one) {
+  const Scratch scratch;
+  std::error_code refused;
+  std::filesystem::create_directory(scratch / "folder");
+  std::filesystem::create_symlink("folder/target", scratch / "next", refused);
+  std::filesystem::create_symlink("next", scratch / "link", refused);
+  std::filesystem::create_symlink("round", scratch / "round", refused);
+  if (refused) GTEST_SKIP() << "no links here";
+  OutputFile file(scratch / "link");
+  file.write(0, bytes_of(numbered(50)));
+  file.commit();
+  EXPECT_TRUE(std::filesystem::is_symlink(scratch / "link"));
+  EXPECT_EQ(read_bytes(scratch / "folder" / "target"), numbered(50));
+  OutputFile(scratch / "round").commit();
+  EXPECT_TRUE(std::filesystem::is_regular_file(scratch / "round"));
+}
+
 TEST(File, names_may_be_as_long_as_the_system_allows) {
   const Scratch scratch;
   const std::string name(255, 'n');

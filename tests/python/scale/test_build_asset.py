@@ -216,6 +216,29 @@ def test_folder_of_somebody_else_stays(terrain: Path, tmp_path: Path) -> None:
     assert (tmp_path / "precious.txt").read_text() == "mine"
 
 
+def test_places_where_nothing_can_be_written(terrain: Path, tmp_path: Path) -> None:
+    with pytest.raises(umbel.Error, match=r"a\.umbel: there is no folder .*missing"):
+        build_asset(terrain, tmp_path / "missing" / "a.umbel", work=tmp_path / "work")
+    (tmp_path / "link").symlink_to("missing/a.umbel")
+    with pytest.raises(umbel.Error, match=r"there is no folder .*missing"):
+        build_asset(terrain, tmp_path / "link")
+    with pytest.raises(umbel.Error, match="it is a folder"):
+        build_asset(terrain, tmp_path)
+    assert os.listdir(tmp_path) == ["link"]
+
+
+def test_leftovers_behind_a_link_are_removed(terrain: Path, tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link").symlink_to("folder/a.umbel")
+    gone = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True
+    )
+    (tmp_path / "folder" / f".a.umbel.{int(gone.stdout)}.0.tmp").touch()
+    build_asset(terrain, tmp_path / "link", unit_triangles=UNIT)
+    assert (tmp_path / "link").is_symlink()
+    assert os.listdir(tmp_path / "folder") == ["a.umbel"]
+
+
 def test_too_little_memory_says_what_would_do(terrain: Path, tmp_path: Path) -> None:
     with pytest.raises(umbel.Error, match=r"of 0\.05 GB is .* need 0\.\d\d GB"):
         build_asset(terrain, tmp_path / "a.umbel", unit_triangles=UNIT, memory="50MB")

@@ -81,6 +81,18 @@ def test_save_copies_where_links_cannot_be(
     assert os.listdir(tmp_path) == ["a.umbel"]
 
 
+def test_save_leaves_links_and_pipes(mesh: umbel.Mesh, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("a.umbel")
+    os.mkfifo(tmp_path / "pipe")
+    lod = umbel.build_lod(mesh, unit_triangles=UNIT)
+    lod.save(tmp_path / "link")
+    assert (tmp_path / "link").is_symlink()
+    assert umbel.verify(tmp_path / "a.umbel").ok
+    with pytest.raises(umbel.Error, match="not a regular file"):
+        lod.save(tmp_path / "pipe")
+    assert (tmp_path / "pipe").is_fifo()
+
+
 def test_stopped_build_goes_on(mesh: umbel.Mesh, tmp_path: Path) -> None:
     work = tmp_path / "work"
 
