@@ -44,20 +44,37 @@ class Environment:
     def native(self, up: str) -> _umbel.TraceEnvironment:
         """For the tracer, with the axis that points up."""
         zenith, front = (np.array(axis) for axis in axes_of(up))
-        azimuth, elevation = math.radians(self.sun_azimuth), math.radians(self.sun_elevation)
+        azimuth, elevation = (
+            math.radians(self._number(name)) for name in ("sun_azimuth", "sun_elevation")
+        )
+        size = math.radians(self._number("sun_size"))
+        if not 0.001 <= size <= 0.5:
+            raise Error(
+                f"environment.sun_size must be from 0.06 to 28 degrees, not {self.sun_size}"
+            )
         level = front * math.cos(azimuth) + np.cross(zenith, front) * math.sin(azimuth)
         sun = level * math.cos(elevation) + zenith * math.sin(elevation)
         out = _umbel.TraceEnvironment()
         out.up = triple(zenith, "up")
         out.sun_direction = triple(sun, "the sun's angles")
-        out.sun_radius = math.radians(self.sun_size)
-        out.sun_strength, out.sky_strength = self.sun, self.sky
-        out.turbidity = self.turbidity
+        out.sun_radius = size
+        out.sun_strength, out.sky_strength = self._number("sun"), self._number("sky")
+        out.turbidity = self._number("turbidity")
         out.ground_albedo = triple(self.ground, "ground")
         if self.color is not None:
             out.constant = True
             out.color = triple(self.color, "color")
         return out
+
+    def _number(self, name: str) -> float:
+        value = getattr(self, name)
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            number = math.nan
+        if not math.isfinite(number):
+            raise Error(f"environment.{name} must be a number, not {value!r}")
+        return number
 
 
 def axes_of(up: str) -> tuple[tuple[float, ...], tuple[float, ...]]:

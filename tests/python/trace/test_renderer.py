@@ -313,6 +313,7 @@ def test_faults_are_one_sentence(
         ([blob_ply, *out, "--clamp", -1], "clamp"),
         ([blob_ply, *out, "--light", "1,2"], "--light"),
         ([blob_ply, *out, "--sun", "5"], "--sun"),
+        ([blob_ply, *out, "--sun", "inf,40"], "--sun must be a number, not inf"),
         ([blob_ply, *out, "--hide", "x"], "material"),
         ([blob_ply, *out, "--accel", "lod"], "asset"),
         ([blob_ply, *out, "--pixel-error", 1], "lod"),
@@ -322,6 +323,14 @@ def test_faults_are_one_sentence(
         assert_one_sentence(done)
         assert word in done.err
     assert os.listdir(tmp_path) == ["nan.ply"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("sun_azimuth", "east"), ("sun_size", 30), ("sun", None), ("sky", np.inf)]
+)
+def test_faults_of_the_environment_are_named(name: str, value: Any) -> None:
+    with pytest.raises(umbel.Error, match=rf"environment\.{name} .*{value}"):
+        umbel.Renderer(umbel.shapes.blob(2), environment=umbel.Environment(**{name: value}))
 
 
 def test_an_empty_mesh_shows_the_sky(umbel_command: Umbel, tmp_path: Path) -> None:

@@ -31,7 +31,8 @@ _FLAGS = {
     "samples": "--spp",
     "budget_bytes": "--budget",
     "environment.color": "--light",
-    "environment.sun_direction": "--sun",
+    "environment.sun_azimuth": "--sun",
+    "environment.sun_elevation": "--sun",
 }
 
 
