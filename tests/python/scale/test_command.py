@@ -68,6 +68,19 @@ def test_inputs_become_one_asset_where_it_is_named(
     assert (tmp_path / "again.umbel").read_bytes() == output.read_bytes()
 
 
+def test_no_input_of_one_mesh_is_left_out(
+    umbel_command: Umbel, parts: list[Path], tmp_path: Path
+) -> None:
+    folder, output = parts[0].parent, tmp_path / "scan.umbel"
+    parts[1].unlink()
+    parts[1].symlink_to("unmounted/1.ply")
+    done = umbel_command("build", folder, "-o", output, *UNIT)
+    assert done.status == 1 and "1.ply" in done.err and not output.exists()
+    for flags in (UNIT, ("--ray", "local")):
+        done = umbel_command("build", folder, "-o", output, *flags, "--keep-going")
+        assert done.status == 1 and "needs all of its inputs" in done.err
+
+
 def test_inputs_without_a_limit_are_assets_of_their_own(
     umbel_command: Umbel, hill: Path, tmp_path: Path
 ) -> None:

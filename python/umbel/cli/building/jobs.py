@@ -103,7 +103,9 @@ def _fixed_part(pattern: str) -> str:
 
 
 def _is_mesh(name: str) -> bool:
-    return _plain_name(name).lower().endswith(SUFFIXES) and os.path.isfile(name)
+    """A link to what is not there counts: reading it says so."""
+    is_file = os.path.isfile(name) or (os.path.islink(name) and not os.path.exists(name))
+    return is_file and _plain_name(name).lower().endswith(SUFFIXES)
 
 
 def _plain_name(name: str) -> str:

@@ -138,7 +138,9 @@ def command(
         "Leave an asset that is there as it is, if it was made of the same file (and "
         "those that it refers to), with the same flags, by the same version.",
     ),
-    keep_going: bool = switch("--keep-going", "Of several inputs: go on after one that fails."),
+    keep_going: bool = switch(
+        "--keep-going", "Of several inputs that become an asset each: go on after one that fails."
+    ),
     memory: str | None = option(
         None,
         "SIZE",
@@ -206,13 +208,16 @@ def command(
     if jobs < 1:
         fail(f"--jobs must be at least 1, not {jobs}")
     limits = Limits(memory, work, resume)
-    if ray is not None or dask is not None:
+    is_limited = limits != Limits() or unit_triangles is not None
+    is_elsewhere = ray is not None or dask is not None
+    is_one_asset = output.lower().endswith(".umbel") and not os.path.isdir(output)
+    if keep_going and is_one_asset and is_many(inputs, output) and (is_limited or is_elsewhere):
+        fail("--keep-going is for several assets: one mesh needs all of its inputs")
+    if is_elsewhere:
         _build_elsewhere(
             inputs, output, options, limits, (ray, dask), skip_unchanged, as_json, threads
         )
         return
-    is_limited = limits != Limits() or unit_triangles is not None
-    is_one_asset = output.lower().endswith(".umbel") and not os.path.isdir(output)
     if not is_many(inputs, output) or (is_limited and is_one_asset):
         from umbel.cli.building.jobs import files_of
 
