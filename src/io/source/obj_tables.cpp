@@ -151,6 +151,7 @@ class Writer final : public ObjSink {
 
   std::vector<std::string> names, libraries;
   bool misses_material = false;
+  uint64_t missing_normals = 0;  // of corners, where others have some
 
  private:
   struct Largest {
@@ -177,8 +178,10 @@ class Writer final : public ObjSink {
   void take_faces(const ObjBlock& block) {
     const uint64_t before = triangles_.words() / 4 * 3;
     if (!block.vt.values.empty() && uv_corners_.words() == 0) uv_corners_.fill(before, kNone);
-    if (!block.vn.values.empty() && normal_corners_.words() == 0)
+    if (!block.vn.values.empty() && normal_corners_.words() == 0) {
       normal_corners_.fill(before, kNone);
+      missing_normals += before;
+    }
     const bool has_uvs = !block.vt.values.empty() || uv_corners_.words() > 0;
     const bool has_normals = !block.vn.values.empty() || normal_corners_.words() > 0;
     const auto index = [](const ObjIndices& indices, size_t corner) {
@@ -198,7 +201,9 @@ class Writer final : public ObjSink {
         misses_material = misses_material || material_ == kNone;
         for (size_t corner : corners) {
           if (has_uvs) uv_corners_.add(index(block.vt, corner));
-          if (has_normals) normal_corners_.add(index(block.vn, corner));
+          if (!has_normals) continue;
+          normal_corners_.add(index(block.vn, corner));
+          if (index(block.vn, corner) == kNone) ++missing_normals;
         }
       }
       first += size;
@@ -239,6 +244,10 @@ ObjTables write_obj_tables(const ByteSource& source, const std::string& name,
   ObjTables tables;
   tables.notes = read_obj_blocks(source, name, writer, block_bytes);
   tables.layout = writer.finish(name);
+  if (writer.missing_normals > 0)
+    tables.notes.push_back(name + ": " + std::to_string(writer.missing_normals) +
+                           " corners of triangles have no normals, as others have: there they are "
+                           "zero");
   tables.has_materials = tables.layout.has_materials;
   tables.misses_material = writer.misses_material;
   tables.material_names = std::move(writer.names);

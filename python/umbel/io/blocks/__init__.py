@@ -111,6 +111,7 @@ def open_source(
         coordinates = coordinates or said
     if files is not None and not files:
         raise Error("there are no files to read")
+    _warn_of_zeros(layout)
     native = layout.finished()
     if native.put_in_order(layout.work / "sorted_", _LEAST_BYTES, _BLOCK):
         layout.recipe = None
@@ -152,6 +153,19 @@ def _notes_lost(tree: dict[str, Any], stem: str) -> Iterator[str]:
         yield "names, extras and extensions of nodes"
     if tree.get("asset", {}).get("copyright"):
         yield "copyright"
+
+
+def _warn_of_zeros(layout: Layout) -> None:
+    """Says which files have no normals or tangents where others have: making them would need a
+    whole file in memory."""
+    parts = [part for part in layout.parts if part.triangles or "indices" not in part.columns]
+    for stream in ("normals", "tangents"):
+        without = list(dict.fromkeys(p.name for p in parts if stream not in p.columns))
+        if without and any(stream in part.columns for part in parts):
+            more = f" and {len(without) - 1} more" if len(without) > 1 else ""
+            verb = "have" if more else "has"
+            sentence = f"{without[0]}{more} {verb} no {stream}, as others have: there they are zero"
+            warnings.warn(sentence, LoadWarning, stacklevel=3)
 
 
 def _told(coordinates: dict[str, str]) -> str:

@@ -66,6 +66,22 @@ TEST(ObjTables, HoldWhatTheReaderOfWholeFilesDoes) {
   }
 }
 
+TEST(ObjTables, CornersWithoutNormalsAreCounted) {
+  const std::string vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
+  const auto notes = [&](const std::string& faces) {
+    const umbel::testing::Scratch scratch;
+    const std::string text = vertices + faces;
+    return write_obj_tables(source_of(text), "a.obj", scratch / "a", 64).notes;
+  };
+  EXPECT_TRUE(notes("f 1//1 2//1 3//1\n").empty());
+  EXPECT_TRUE(notes("f 1 2 3\n").empty());
+  std::string faces = "f 1 2 3\n";
+  for (int i = 0; i < 99; ++i) faces += "f 1//1 2//1 3\n";
+  const std::vector<std::string> said = notes(faces + "f 3 2 1\n");
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_TRUE(said[0].starts_with("a.obj: 105 corners of triangles have no normals")) << said[0];
+}
+
 TEST(ObjTables, MemoryDoesNotGrowWithTheFile) {
   if (!umbel::testing::HeapPeak::counts()) GTEST_SKIP();
   const auto peak = [](int lines) {

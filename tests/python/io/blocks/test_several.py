@@ -37,6 +37,19 @@ def test_other_coordinates_are_warned_of(tmp_path: Path) -> None:
     assert source.triangles.triangles == 4
 
 
+def test_files_without_normals_are_named(tmp_path: Path) -> None:
+    paths = [tmp_path / "a.ply", tmp_path / "b.glb", tmp_path / "c.obj"]
+    for path in paths:
+        umbel.save(path, square(0))
+    open_source(paths, tmp_path / "work")  # no warning where none has any
+    mesh = square(0)
+    mesh.normals = np.tile(np.float32([0, 0, 1]), (4, 1))
+    umbel.save(paths[1], mesh)
+    with pytest.warns(umbel.LoadWarning, match=r"a\.ply and 1 more have no normals, as others"):
+        source = open_source(paths, tmp_path / "work")
+    assert source.triangles.read(0, 2)["normals"].tolist() == [[0, 0, 0]] * 4
+
+
 def test_meshes_keep_their_materials(tmp_path: Path) -> None:
     red, blue = Material(name="red"), Material(name="blue")
     meshes = []
