@@ -198,6 +198,7 @@ def test_verify_says_what_holds(umbel_command: Umbel, blob_asset: Path) -> None:
         0
     ] * 4
     assert umbel_command("verify", blob_asset, "--json").json["cuts"] == 64
+    assert said["warnings"] == said["problems"] == [] and "error" not in said
 
 
 def test_verify_in_a_fixed_memory_says_the_same(
@@ -227,6 +228,7 @@ def test_verify_finds_a_changed_byte(
     done = umbel_command("verify", path, "--json")
     assert done.status == 3
     assert done.json["ok"] is False and done.json["checksum_errors"] >= 1
+    assert done.json["warnings"] == [] and done.json["error"] in done.err
     assert len(done.err.splitlines()) == 1
 
 

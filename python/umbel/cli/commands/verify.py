@@ -10,7 +10,7 @@ import typer
 from umbel.cli.failure import naming_file, one_line
 from umbel.cli.inputs import bytes_of
 from umbel.cli.options import option
-from umbel.cli.run import CHECK_FAILED, Json, Threads, ends_cleanly, say, show
+from umbel.cli.run import CHECK_FAILED, Json, Threads, ends_cleanly, heard, say, show
 
 
 @ends_cleanly()
@@ -47,7 +47,7 @@ def command(
     problem = naming_file(problem, path, [path])
     if not report.ok and as_json:
         result["error"] = problem
-    show(result, as_json, path)
+    show({**result, "warnings": heard}, as_json, path)
     if not report.ok:
         say(problem)
         raise typer.Exit(CHECK_FAILED)
