@@ -130,8 +130,16 @@ Bvh2 run_scaled(const MeshView* mesh, Boxes boxes, float scale, const Config& co
   return run_builder(&scaled_mesh, scaled_boxes, config, progress);
 }
 
-/// Boxes at the input's own scale. Those of parts of triangles are scaled back, which is exact but
-/// where it underflows.
+/// A part's box at the input's own scale. What underflowed may have been cut off, so the box grows
+/// by that, but not beyond the triangles of the part.
+Aabb unscaled(const Aabb& part, const Aabb& whole, float scale) {
+  const float error = std::max(0x1p-146f / scale, 0x1p-149f);
+  const Aabb box = scaled(part, 1.0f / scale);
+  return {max(box.min - Vec3{error, error, error}, whole.min),
+          min(box.max + Vec3{error, error, error}, whole.max)};
+}
+
+/// Boxes at the input's own scale.
 void unscale(Bvh2& tree, Boxes boxes, float scale, bool parts) {
   for (size_t i = tree.nodes.size(); i-- > 0;) {
     Node& node = tree.nodes[i];
@@ -139,10 +147,9 @@ void unscale(Bvh2& tree, Boxes boxes, float scale, bool parts) {
     if (!node.is_leaf()) {
       box = tree.nodes[node.first].box();
       extend(box, tree.nodes[node.first + 1].box());
-    } else if (parts) {
-      box = scaled(node.box(), 1.0f / scale);
     } else {
       for (uint32_t k = 0; k < node.count; ++k) extend(box, boxes[tree.primitives[node.first + k]]);
+      if (parts) box = unscaled(node.box(), box, scale);
     }
     node.min = box.min;
     node.max = box.max;

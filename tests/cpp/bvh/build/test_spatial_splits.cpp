@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "base/math.hpp"
 #include "bvh/build/clip_triangle.hpp"
 #include "bvh/tree/box_node.hpp"
 #include "bvh/tree_tests.hpp"
@@ -104,6 +105,24 @@ TEST(Spatial, parts_of_a_triangle_cover_it) {
       });
       ASSERT_TRUE(covered) << "triangle " << t;
     }
+  }
+}
+
+TEST(Spatial, boxes_hold_triangles_whose_coordinates_underflow_beside_others) {
+  for (const Vec3& size : {Vec3{1e20f, 1, 1e-20f}, Vec3{1e30f, 1e-10f, 1e-12f},
+                           Vec3{1e-20f, 1e-41f, 1e-20f}, Vec3{1e-44f, 1e38f, 1e-30f}}) {
+    Mesh mesh = needles(300, 4);
+    for (Vec3& p : mesh.positions) p = {p.x * size.x, p.y * size.y, p.z * size.z};
+    Config config = spatial(1);
+    config.spatial_overlap = 0;
+    config.max_leaf_size = 1;
+    const Bvh2 tree = build(mesh.view(), config);
+    std::vector<Aabb> parts(mesh.triangles.size());
+    for (const Node& node : tree.nodes)
+      for (uint32_t k = 0; k < node.count; ++k)
+        extend(parts[tree.primitives[node.first + k]], node.box());
+    const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
+    for (size_t i = 0; i < boxes.size(); ++i) ASSERT_EQ(parts[i], boxes[i]) << "triangle " << i;
   }
 }
 
