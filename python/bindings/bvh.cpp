@@ -222,17 +222,17 @@ void bind_builds(nb::class_<Bvh, TriangleQueries>& bvh) {
                   "threads"_a = 0)
       .def_static(
           "load",
-          [](const std::string& path, const std::string& simd) {
+          [](const std::filesystem::path& path, const std::string& simd) {
             const Simd wanted = triangle_config({}, 8, false, simd).simd;
             nb::gil_scoped_release release;
-            return Bvh::load(path, wanted);
+            return Bvh::load(path.string(), wanted);
           },
           "path"_a, "simd"_a = "auto")
       .def(
           "save",
-          [](const Bvh& self, const std::string& path) {
+          [](const Bvh& self, const std::filesystem::path& path) {
             nb::gil_scoped_release release;
-            self.save(path);
+            self.save(path.string());
           },
           "path"_a)
       .def(

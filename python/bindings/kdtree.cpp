@@ -159,17 +159,17 @@ void bind_kdtree(nb::module_& module) {
           })
       .def(
           "save",
-          [](const KdTree& self, const std::string& path) {
+          [](const KdTree& self, const std::filesystem::path& path) {
             nb::gil_scoped_release release;
-            self.save(path);
+            self.save(path.string());
           },
           "path"_a)
       .def_static(
           "load",
-          [](const std::string& path, const std::string& traversal) {
+          [](const std::filesystem::path& path, const std::string& traversal) {
             const kdtree::Traversal wanted = kdtree::traversal_by_name(traversal);
             nb::gil_scoped_release release;
-            return KdTree::load(path, wanted);
+            return KdTree::load(path.string(), wanted);
           },
           "path"_a, "traversal"_a)
       .def("statistics", [](const KdTree& tree) { return statistics_dict(tree.statistics()); });

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -152,3 +153,19 @@ def test_damaged_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(umbel.Error) as missing:
         umbel.Bvh.load(tmp_path / "missing.umbvh")
     assert missing.value.code == "io"
+
+
+@pytest.mark.parametrize("structure", [umbel.Bvh, umbel.KdTree])
+def test_names_are_any_that_the_system_takes(
+    structure: type[umbel.Bvh | umbel.KdTree], tmp_path: Path
+) -> None:
+    made = structure(umbel.shapes.sphere(1))
+    for name in (b"\xff\xfe.tree", "\u00e9.tree".encode()):
+        path = bytes(tmp_path) + b"/" + name
+        made.save(path)  # type: ignore[arg-type]
+        assert len(structure.load(os.fsdecode(path))) == len(made)
+    kept = tmp_path / "kept"
+    kept.write_bytes(b"old")
+    with pytest.raises((TypeError, ValueError)):
+        made.save(f"{kept}\0.tree")
+    assert kept.read_bytes() == b"old"
