@@ -156,6 +156,11 @@ class GrowingTree {
     return pairs_++;
   }
 
+  /// Pairs that are searched for one box. Boxes of meshes need some hundred; where most boxes hold
+  /// the new one, as around one point, all would be searched, which takes the square of their
+  /// number.
+  static constexpr uint32_t kMostSearched = 4096;
+
   /// A pair to be searched, and by how much its ancestors grow.
   struct Candidate {
     float growth;
@@ -176,7 +181,7 @@ class GrowingTree {
     uint32_t best_node = 0;
     candidates_.clear();
     if (!nodes_[0].is_leaf()) candidates_.push_back({best - nodes_[0].half_area, nodes_[0].link});
-    while (!candidates_.empty()) {
+    for (uint32_t searched = 0; searched < kMostSearched && !candidates_.empty(); ++searched) {
       const Candidate candidate = candidates_.back();
       candidates_.pop_back();
       // Whatever lies below: the new parent is no smaller than the box itself.

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <chrono>
+
 #include "bvh/oracle.hpp"
 #include "bvh/tree_tests.hpp"
 
@@ -38,6 +40,19 @@ TEST(Insertion, neighbors_become_siblings) {
     ++pairs;
   }
   EXPECT_EQ(pairs, 4);
+}
+
+/// Where each box holds all before it, every search for a place could go through all of them.
+TEST(Insertion, nested_boxes_do_not_take_the_square_of_their_number) {
+  std::vector<Aabb> boxes;
+  for (int i = 1; i <= 100000; ++i) {
+    const auto x = float(i);
+    boxes.push_back({{-x, -x, -x}, {x, x, x}});
+  }
+  const auto began = std::chrono::steady_clock::now();
+  const double cost = cost_of(boxes, Builder::kInsertion);
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(60));
+  EXPECT_LT(cost, 1.2 * cost_of(boxes, Builder::kSweep));
 }
 
 class InsertionScenes : public ::testing::TestWithParam<const char*> {};
