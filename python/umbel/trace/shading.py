@@ -99,7 +99,8 @@ def matching(materials: Sequence[Material], patterns: Sequence[str]) -> list[int
     names = [material.name for material in materials]
     hidden: set[int] = set()
     for pattern in patterns:
-        found = [k for k, name in enumerate(names) if fnmatch.fnmatchcase(name, pattern)]
+        literal = pattern.replace("[", "[[]")
+        found = [k for k, name in enumerate(names) if fnmatch.fnmatchcase(name, literal)]
         if not found:
             known = ", ".join(sorted(set(names))) or "none"
             raise Error(f"no material is named {pattern!r}; there are {known}")
