@@ -18,35 +18,44 @@ export function castRay(
     for (const cluster of instance.clusters()) {
       const resident = residents.get(cluster.group);
       if (!resident || !ray.intersectsBox(cluster.box)) continue;
-      const point = intersectCluster(ray, cluster, resident);
-      if (!point) continue;
-      point.applyMatrix4(world);
-      const distance = raycaster.ray.origin.distanceTo(point);
-      if (distance < raycaster.near || distance > raycaster.far) continue;
-      const found: UmbelIntersection = { distance, point, object, cluster };
+      const hit = intersectCluster(ray, cluster, resident, (local) => {
+        const point = local.clone().applyMatrix4(world);
+        const distance = raycaster.ray.origin.distanceTo(point);
+        const isInRange = distance >= raycaster.near && distance <= raycaster.far;
+        return isInRange ? { point, distance } : undefined;
+      });
+      if (!hit) continue;
+      const found: UmbelIntersection = { ...hit, object, cluster };
       intersections.push(found);
     }
   }
 }
 
+interface Hit {
+  point: Vector3;
+  distance: number;
+}
+
+/** The nearest intersection for which `hitAt` returns a hit. */
 function intersectCluster(
   ray: Ray,
   { cluster }: ClusterInfo,
   { group, allocation }: ResidentGroup,
-): Vector3 | undefined {
+  hitAt: (point: Vector3) => Hit | undefined,
+): Hit | undefined {
   const { triangleOffsets, firstCluster } = group;
   const { indices, positions } = allocation;
   const i = cluster - firstCluster;
   const corners = [new Vector3(), new Vector3(), new Vector3()] as const;
   const point = new Vector3();
-  let nearest: Vector3 | undefined;
+  let nearest: Hit | undefined;
   for (let t = triangleOffsets[i]; t < triangleOffsets[i + 1]; ++t) {
     corners.forEach((corner, j) => {
       corner.fromArray(positions, 3 * indices[3 * t + j]);
     });
     if (!ray.intersectTriangle(...corners, false, point)) continue;
-    if (!nearest || ray.origin.distanceTo(point) < ray.origin.distanceTo(nearest))
-      nearest = point.clone();
+    const hit = hitAt(point);
+    if (hit && hit.distance < (nearest?.distance ?? Infinity)) nearest = hit;
   }
   return nearest;
 }
