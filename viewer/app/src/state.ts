@@ -83,7 +83,7 @@ function vector(text: string | null): [number, number, number] | undefined {
 export function readLink(hash: string, state: State): CameraPose | undefined {
   const link = new URLSearchParams(hash.replace(/^#/, ""));
   const mode = link.get("mode");
-  if (mode && mode in VIEW_MODES) state.viewMode = mode as ViewMode;
+  if (mode && Object.hasOwn(VIEW_MODES, mode)) state.viewMode = mode as ViewMode;
   const pixels = Number(link.get("pixels"));
   if (pixels > 0) state.pixelError = Math.min(Math.max(pixels, PIXELS.low), PIXELS.high);
   state.wireframe = link.get("wireframe") === "1";

@@ -28,6 +28,14 @@ test("links have the memory where it is not the usual one", () => {
   expect(state.budget).toBe(2 ** 26);
 });
 
+test("links of no view mode leave it as it is", () => {
+  for (const mode of ["constructor", "toString", "other"]) {
+    const state = defaultState();
+    readLink(`mode=${mode}`, state);
+    expect(state.viewMode).toBe("shaded");
+  }
+});
+
 test("links resolve a millionth of the distance to the target, in the world", () => {
   const near = { position: [0.25, 1.5, 3.000125] as const, target: [0.125, -0.5, 0] as const };
   const pose = translated({ position: [...near.position], target: [...near.target] }, UTM, 1);
