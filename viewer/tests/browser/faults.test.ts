@@ -1,6 +1,6 @@
 import { assetBytes } from "../support/assets.js";
 import { loadAsset } from "../support/loaded_asset.js";
-import { dropAsset, expect, measureCanvas, settled, statistics, test } from "./page.js";
+import { dropAsset, expect, measureCanvas, settled, slide, statistics, test } from "./page.js";
 
 const PLANET = "/?asset=planet.umbel";
 
@@ -92,6 +92,19 @@ test("a lost connection is reported, and loading goes on once it is back", async
     before.triangles,
   );
   await expect(page.locator(".notice")).toContainText("The connection is back");
+});
+
+test("a file that is gone for a while is asked for again", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=paged.umbel#pixels=32`);
+  const before = await settled(page);
+  host.isMissing = true;
+  await slide(page, "#pixels", 0.2);
+  await expect(page.locator(".notice")).toContainText("The connection is lost");
+  host.isMissing = false;
+  await expect(page.locator(".notice")).toContainText("The connection is back");
+  const { triangles, damagedPages } = await settled(page);
+  expect(triangles).toBeGreaterThan(2 * before.triangles);
+  expect(damagedPages).toBe(0);
 });
 
 test("a browser without WebGL 2 gets a message", async ({ page, host }) => {

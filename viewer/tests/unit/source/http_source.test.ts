@@ -6,7 +6,7 @@ const BYTES = Uint8Array.from({ length: 1000 }, (_, i) => i % 251);
 const URL = "https://host.test/a.umbel";
 
 /** A host of BYTES; each request fails first as often as `failures` says. */
-function host({ hasRanges = true, failures = 0, status = 0 } = {}) {
+function host({ hasRanges = true, failures = 0, status = 0, isHidden = false } = {}) {
   const requests: string[] = [];
   const get = async (_: unknown, init?: RequestInit): Promise<Response> => {
     const range = new Headers(init?.headers).get("Range") ?? "";
@@ -18,7 +18,7 @@ function host({ hasRanges = true, failures = 0, status = 0 } = {}) {
     if (first >= BYTES.length) return new Response(null, { status: 416 });
     const part = BYTES.subarray(first, last + 1);
     const headers = { "Content-Range": `bytes ${first}-${last}/${BYTES.length}` };
-    return new Response(part, { status: 206, headers });
+    return new Response(part, { status: 206, headers: isHidden ? {} : headers });
   };
   return { requests, get: get as typeof fetch };
 }
@@ -32,6 +32,14 @@ describe("an HTTP source", () => {
     expect((await source.read(2000, 5)).length).toBe(0);
     expect(requests).toEqual(["bytes=10-14", "bytes=990-1039", "bytes=2000-2004"]);
     expect(source.fetched).toBe(15);
+  });
+
+  test("reads small files of other hosts, which hide the range of their answers", async () => {
+    const { get } = host({ isHidden: true });
+    const source = new HttpSource(URL, { fetch: get, delay: 1, retries: 0 });
+    expect(await source.read(0, 5000)).toEqual(BYTES);
+    expect(await source.read(990, 10)).toEqual(BYTES.slice(990));
+    await expect(source.read(990, 20)).rejects.toThrow("sent less than was asked for");
   });
 
   test("downloads the file once from a host without ranges", async () => {
@@ -49,6 +57,20 @@ describe("an HTTP source", () => {
     const { get } = host({ failures: 2 });
     const source = new HttpSource(URL, { fetch: get, delay: 1, onConnection });
     expect(await source.read(0, 3)).toEqual(BYTES.slice(0, 3));
+    expect(states).toEqual([true, false]);
+  });
+
+  test("reports a file that is gone as a lost connection, and that it is back", async () => {
+    const states: boolean[] = [];
+    const { get } = host();
+    let isGone = true;
+    const source = new HttpSource(URL, {
+      fetch: (url, init) => (isGone ? host({ status: 404 }).get(url, init) : get(url, init)),
+      onConnection: (isLost) => states.push(isLost),
+    });
+    await expect(source.read(0, 3)).rejects.toThrow("There is no file");
+    isGone = false;
+    await source.read(0, 3);
     expect(states).toEqual([true, false]);
   });
 

@@ -44,10 +44,11 @@ export class HttpSource implements ByteSource {
         this.report(false);
         return bytes;
       } catch (error) {
-        if (error instanceof UmbelError && error.kind !== "network") throw error;
-        if (this.aborter.signal.aborted || attempt === retries) throw asUmbelError(error, this.url);
-        this.download = undefined;
+        if (this.aborter.signal.aborted) throw asUmbelError(error, this.url);
         this.report(true);
+        const isRefused = error instanceof UmbelError && error.kind !== "network";
+        if (isRefused || attempt === retries) throw asUmbelError(error, this.url);
+        this.download = undefined;
         await new Promise((resolve) => setTimeout(resolve, delay * 2 ** Math.min(attempt, 5)));
       }
     }
@@ -81,7 +82,10 @@ export class HttpSource implements ByteSource {
     this.fetched += bytes.length;
     const range = /^bytes (\d+)-\d+\/(\d+|\*)$/.exec(response.headers.get("Content-Range") ?? "");
     const total = range && range[2] !== "*" ? Number(range[2]) : undefined;
-    const wanted = total === undefined ? length : Math.min(length, Math.max(total - offset, 0));
+    // Browsers hide the range of other hosts' answers, if these do not expose it. Only the first bytes
+    // of a file are read without knowing its length.
+    const most = total ?? (offset === 0 && bytes.length > 0 ? bytes.length : Infinity);
+    const wanted = Math.min(length, Math.max(most - offset, 0));
     if ((range && Number(range[1]) !== offset) || bytes.length < wanted)
       throw new UmbelError("network", `${hostOf(this.url)} sent less than was asked for.`);
     return bytes.subarray(0, length);

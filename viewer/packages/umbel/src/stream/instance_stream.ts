@@ -165,7 +165,7 @@ export class InstanceStream {
       this.selector = new InstanceSelector(nodes, meshes, header.instances, SHARE * this.budget);
     } catch (error) {
       if (!(error instanceof UmbelError)) throw error;
-      isLost = error.kind === "network";
+      isLost = error.kind !== "corrupt";
       this.isDamaged = !isLost;
       if (!isLost) ++this.damaged;
     } finally {

@@ -269,8 +269,8 @@ export class Streamer {
     } catch (error) {
       if (this.isClosed) return;
       if (!(error instanceof UmbelError)) throw error;
-      if (error.kind === "network") this.retryLater();
-      else this.damagedPages += this.residency.failedSlice(slice);
+      if (error.kind === "corrupt") this.damagedPages += this.residency.failedSlice(slice);
+      else this.retryLater();
     } finally {
       --this.requests;
       this.openSlices.delete(slice);
