@@ -74,6 +74,8 @@ export class Comparison {
       if (load !== this.loads) return;
       this.isLoading = false;
       this.state.layout = "single";
+      // The full mesh can still be compared with.
+      this.other = undefined;
       this.notice.show(error instanceof Error ? error.message : String(error));
     }
   }

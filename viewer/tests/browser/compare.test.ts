@@ -57,11 +57,17 @@ test("a file dropped on the right half is the one to compare with", async ({ pag
   await expect(page.locator(".title h1")).toHaveText("planet.umbel");
 });
 
-test("a missing second asset leaves one picture and a notice", async ({ page, host }) => {
+test("a missing second asset leaves one picture and a notice, and the full mesh", async ({
+  page,
+  host,
+}) => {
   await page.goto(`${host.url}/?asset=planet.umbel&compare=nothing.umbel#pixels=6`);
   await expect(page.locator(".notice")).toContainText("There is no file at");
   await settled(page);
   expect((await measureCanvas(page)).covered).toBeGreaterThan(0.05);
+  await page.getByRole("button", { name: "Wipe" }).click();
+  await expect(page.locator(".names")).toContainText("Full mesh");
+  await page.waitForFunction(() => globalThis.umbelViewer?.viewport.meshes[1] !== undefined);
 });
 
 test("the full mesh is that of the asset that was opened last", async ({ page, host }) => {
