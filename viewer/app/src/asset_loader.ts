@@ -23,8 +23,10 @@ export class AssetLoader {
 
   /** @param early a stream of the asset that is open or opening already */
   async load(source: Source, pixelError: number, early?: Promise<AssetStream>): Promise<UmbelMesh> {
-    const stream = early ?? AssetStream.open(source, { budget: this.state.budget });
-    const mesh = new UmbelMesh(await stream, { pixelError });
+    const stream = await (early ?? AssetStream.open(source, { budget: this.state.budget }));
+    const mesh = new UmbelMesh(stream, { pixelError });
+    // It may have been changed in the meantime.
+    if (stream.budget !== this.state.budget) mesh.setBudget(this.state.budget);
     mesh.materials.onNote = (text, holds) => this.setNote(text, holds);
     for (const text of mesh.materials.notes) this.setNote(text);
     mesh.onConnection = (isLost) => {

@@ -196,16 +196,16 @@ export class Viewer {
       showTitle(this.title, mesh, source);
       await this.setLayout(this.state.layout);
     } catch (error) {
-      if (opening === this.openings) this.fail(error, source);
+      if (opening === this.openings) this.fail(error, source, pose);
     }
   }
 
-  private fail(error: unknown, source: Source): void {
+  private fail(error: unknown, source: Source, pose: CameraPose | undefined): void {
     this.removePreview();
     this.title.replaceChildren();
     this.progress.end();
     const choices = [
-      { text: "Try again", action: () => void this.open(source) },
+      { text: "Try again", action: () => void this.open(source, { pose }) },
       { text: "Open another file", action: () => this.chooseFile(false) },
     ];
     // The asset before is still there.

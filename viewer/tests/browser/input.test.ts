@@ -1,4 +1,4 @@
-import { expect, measureCanvas, quiet, settled, statistics, test } from "./page.js";
+import { expect, measureCanvas, type Pose, quiet, settled, statistics, test } from "./page.js";
 
 const COARSE = "/?asset=planet.umbel#pixels=6";
 
@@ -106,6 +106,44 @@ test("a missing file can be opened again once it is there", async ({ page, host 
   await page.getByRole("button", { name: "Try again" }).click();
   await settled(page);
   await expect(page.getByRole("alert")).toBeHidden();
+});
+
+test("a missing file that is opened again has the view of the link", async ({ page, host }) => {
+  host.isMissing = true;
+  await page.goto(`${host.url}${COARSE}&eye=0,0,2.5&target=0,0,0.5`);
+  await expect(page.getByRole("alert")).toContainText("Not found");
+  host.isMissing = false;
+  await page.getByRole("button", { name: "Try again" }).click();
+  await settled(page);
+  const { position, target } = await page.evaluate(
+    () => globalThis.umbelViewer?.viewport.camera.pose as Pose,
+  );
+  expect([...position, ...target].map((x) => Math.round(1e6 * x) / 1e6)).toEqual([
+    0, 0, 2.5, 0, 0, 0.5,
+  ]);
+});
+
+test("a pinch with a finger at rest picks no cluster", async ({ page, host }) => {
+  await page.goto(host.url + COARSE);
+  await settled(page);
+  // The second finger is lifted where it was put.
+  const touch = (type: string, pointerId: number, clientX: number) =>
+    page.dispatchEvent(".viewport", type, {
+      pointerId,
+      isPrimary: pointerId === 1,
+      button: 0,
+      clientX,
+      clientY: 180,
+    });
+  await touch("pointerdown", 1, 150);
+  await touch("pointerdown", 2, 215);
+  await touch("pointerup", 2, 215);
+  await touch("pointerup", 1, 100);
+  await quiet(page);
+  await expect(page.locator("#picked")).toHaveCount(0);
+  await touch("pointerdown", 1, 215);
+  await touch("pointerup", 1, 215);
+  await expect(page.locator("#picked")).toHaveCount(1);
 });
 
 test("an idle page draws no frames", async ({ page, host }) => {

@@ -10,8 +10,13 @@ export function listenToPointer(
 ): void {
   let start: [number, number] | undefined;
   host.addEventListener("pointerdown", (event) => {
-    start = event.button === 0 ? [event.clientX, event.clientY] : undefined;
+    // A second finger makes a gesture of the first.
+    const isClick = event.isPrimary && event.button === 0;
+    start = isClick ? [event.clientX, event.clientY] : undefined;
     listener.down();
+  });
+  host.addEventListener("pointercancel", () => {
+    start = undefined;
   });
   host.addEventListener("pointerup", (event) => {
     if (!start) return;
