@@ -189,7 +189,7 @@ def ordered(surface: Quantized) -> Quantized:
 def _by_material(surface: Quantized) -> list[tuple[int | None, Indices]]:
     if surface.materials is None:
         return [(None, surface.triangles)]
-    return [
-        (int(number), surface.triangles[surface.materials == number])
-        for number in np.unique(surface.materials)
-    ]
+    order = np.argsort(surface.materials, kind="stable")
+    numbers, starts = np.unique(surface.materials[order], return_index=True)
+    parts = np.split(surface.triangles[order], starts[1:])
+    return list(zip(numbers.tolist(), parts, strict=True))

@@ -3,6 +3,7 @@ reader does not know its format."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -123,6 +124,7 @@ class TextureTable:
     def __init__(self, store: Callable[[str, TextureImage], Json | None]) -> None:
         self._store = store
         self.root: dict[str, list[Any]] = {"images": [], "samplers": [], "textures": []}
+        self._numbers: dict[tuple[str, str], int] = {}  # of a table's entries
         #: Extensions that a reader must know to show all of the textures.
         self.required: set[str] = set()
 
@@ -165,9 +167,11 @@ class TextureTable:
         return self._index("textures", texture)
 
     def _index(self, table: str, entry: Json) -> int:
-        if entry not in self.root[table]:
+        key = table, json.dumps(entry, sort_keys=True, default=repr)
+        if key not in self._numbers:
+            self._numbers[key] = len(self.root[table])
             self.root[table].append(entry)
-        return self.root[table].index(entry)
+        return self._numbers[key]
 
 
 def _sampler(image: TextureImage) -> Json:
