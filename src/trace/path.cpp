@@ -11,7 +11,7 @@
 namespace umbel::trace {
 namespace {
 
-constexpr uint32_t kMostLayers = 256;  // of what is not opaque, before a ray is stopped
+constexpr uint32_t kMostLayers = 1u << 16;  // of what is not opaque, before a ray is stopped
 
 /// The dimensions of one bounce.
 enum Dimension : uint32_t {

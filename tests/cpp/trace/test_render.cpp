@@ -237,6 +237,23 @@ TEST(Render, what_is_half_transparent_passes_half_the_light) {
   EXPECT_GT(picture.statistics.continued, 0u);
 }
 
+TEST(Render, a_thousand_veils_are_seen_through) {
+  Material veil = lambert(0.0f);
+  veil.alpha = 0.001f;
+  veil.alpha_mode = AlphaMode::kBlend;
+  Mesh mesh = square(100);
+  for (uint32_t k = 1; k <= 1000; ++k)
+    append(mesh, square(100), {0, 0, 0.0005f * static_cast<float>(k)}, 1);
+  const Scene scene = scene_of(mesh, {emitter(1), veil}, constant(1));
+  const double seen = std::pow(1.0 - 0.001, 1000);
+  EXPECT_NEAR(mean(render(scene, from_above(), small_picture(4, 256)).image), seen, 0.03);
+  // As far as light comes down.
+  const Scene lit = scene_of(mesh, {lambert(1), veil}, constant(1));
+  Settings settings = small_picture(4, 256);
+  settings.max_bounces = 0;
+  EXPECT_GT(mean(render(lit, from_above(), settings).image), 0.5 * seen * seen);
+}
+
 TEST(Render, holes_of_a_cut_out_texture_are_not_there) {
   // Left half of the image opaque, right half a hole.
   const std::vector<uint8_t> texels = {0, 0, 0, 255, 255, 255, 255, 0};
