@@ -22,7 +22,7 @@ struct BvhConfig {
 };
 
 struct RefitReport {
-  double sah_cost;        ///< now
+  double sah_cost;        ///< now, estimated by that of the wide tree
   double built_sah_cost;  ///< when the tree was built
   /// True once sah_cost exceeds 1.5 x built_sah_cost (1.5: see docs/bvh.md).
   bool rebuild_advised;
@@ -34,7 +34,7 @@ struct BvhStatistics {
   uint32_t leaves;
   uint32_t max_depth;
   uint32_t references;
-  double sah_cost;  ///< of the tree that this was made from
+  double sah_cost;  ///< of the tree that this was made from; after a refit as in RefitReport
   uint64_t bytes;   ///< nodes and triangles, everything that a query touches
 };
 

@@ -95,8 +95,9 @@ class UMBEL_API TriangleQueries {
   void signed_distance(std::span<const Vec3> points, std::span<float> results,
                        uint32_t threads = 0) const;
 
-  // Overlaps: the triangles that touch a region (exact for box and sphere; for the frustum
-  // separating planes alone, so a few near its edges may be too many), sorted, each once.
+  // Overlaps: the triangles that touch a region (exact for the box, in double precision for the
+  // sphere; for the frustum separating planes alone, so a few near its edges may be too many),
+  // sorted, each once.
   std::vector<uint32_t> overlaps(const Aabb& box) const;
   std::vector<uint32_t> overlaps(const Sphere& sphere) const;
   std::vector<uint32_t> overlaps(const Frustum& frustum) const;

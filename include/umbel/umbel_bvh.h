@@ -238,7 +238,7 @@ UMBEL_C_API umbel_result umbel_bvh_collides(const umbel_bvh* first, const umbel_
 typedef struct umbel_refit_report {
   uint32_t struct_size;
   uint32_t rebuild_advised;  ///< 1 once the cost has grown so much that a new build would pay
-  double sah_cost;           ///< now
+  double sah_cost;           ///< now, estimated by that of the wide tree
   double built_sah_cost;     ///< when the tree was built
 } umbel_refit_report;
 UMBEL_STRUCT_INIT(umbel_refit_report)

@@ -30,6 +30,7 @@ class Refit:
     """What became of a hierarchy that followed moved vertices."""
 
     sah_cost: float
+    """Of a `Bvh` an estimate, by how much the cost of its wide tree has grown."""
     built_sah_cost: float
     """When the tree was built."""
     rebuild_advised: bool
@@ -210,7 +211,8 @@ class Bvh(TriangleQueries):
 
     @property
     def sah_cost(self) -> float:
-        """Expected cost of a random line through the tree that this was made from."""
+        """Expected cost of a random line through the tree that this was made from; after a refit
+        the estimate of `Refit`."""
         return float(self._native.statistics()["sah_cost"])
 
     @property
