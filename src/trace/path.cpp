@@ -116,7 +116,9 @@ class Path {
     return scene_.see_through ? look_through(ray, hit, kind) : hit;
   }
 
+  /// What is opaque may lie in the plane of what a ray passes, and is looked for by itself.
   [[gnu::noinline]] SceneHit look_through(Ray& ray, SceneHit hit, RayKinds kind) {
+    SceneHit opaque;
     for (uint32_t layer = 0; hit.hit(); ++layer) {
       const Passage passage = passage_at(scene_, hit, ray.direction);
       if (passage.stop >= 1.0f || layer == kMostLayers) return hit;
@@ -129,11 +131,20 @@ class Path {
       const Vec3& through = passage.through;
       throughput_ = throughput_ * Vec3{through.x / on, through.y / on, through.z / on};
       if (passage.enters_body || passage.leaves_body) change_body(passage, hit);
+      if (layer == 0) opaque = continued(ray, kOpaqueBit, kind);
       ray.t_min = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
-      ++counts_.continued;
-      hit = scene_.intersect(ray, {}, kind);
+      Ray before = ray;
+      before.t_max = opaque.t;
+      hit = continued(before, kSeeThroughBit, kind);
+      const bool same_t = opaque.t == hit.t && opaque.primitive < hit.primitive;
+      if (opaque.t < hit.t || same_t) hit = opaque;
     }
     return hit;
+  }
+
+  SceneHit continued(const Ray& ray, uint32_t mask, RayKinds kind) {
+    ++counts_.continued;
+    return scene_.intersect(ray, {.mask = mask}, kind);
   }
 
   /// The transmittance along a ray.

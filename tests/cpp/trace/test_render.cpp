@@ -254,6 +254,23 @@ TEST(Render, a_thousand_veils_are_seen_through) {
   EXPECT_GT(mean(render(lit, from_above(), settings).image), 0.5 * seen * seen);
 }
 
+TEST(Render, nothing_in_the_plane_of_a_wall_is_no_hole_in_it) {
+  Material nothing = lambert(0.0f);
+  nothing.alpha = 0.0f;
+  nothing.alpha_mode = AlphaMode::kMask;
+  Camera askew;
+  askew.position = {0.3f, 0.2f, 6};
+  askew.fov_y = 0.5f;
+  for (const float height : {0.0f, 0.3f}) {
+    Mesh mesh;
+    append(mesh, square(2), {0.37f, 0, height}, 1);
+    append(mesh, square(5), {0, 0, height}, 0);
+    const Scene scene = scene_of(mesh, {emitter(1), nothing}, constant(0));
+    for (const Vec3& p : render(scene, askew, small_picture(16, 16)).image.pixels)
+      EXPECT_EQ(p.x, 1.0f);
+  }
+}
+
 TEST(Render, holes_of_a_cut_out_texture_are_not_there) {
   // Left half of the image opaque, right half a hole.
   const std::vector<uint8_t> texels = {0, 0, 0, 255, 255, 255, 255, 0};
