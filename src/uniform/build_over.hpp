@@ -3,6 +3,7 @@
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "base/shared_progress.hpp"
 #include "bvh/tree/config.hpp"
 #include "query/leaf_lists.hpp"
 #include "query/ray_kernels.hpp"
@@ -51,8 +52,15 @@ std::unique_ptr<LeafStore> store_without_triangles() {
   return data;
 }
 
-/// What build(geometry, config, masks, data) makes of the mesh's positions and triangles alone, on
-/// options.threads.
+constexpr const char* kBuildStage = "building";
+
+/// Progress of the threads that make the nodes, `work` in all.
+inline SharedProgress node_progress(Progress& progress, uint64_t work) {
+  return {progress, kBuildStage, 0, 0.9, work, SharedProgress::OnCancel::kThrow};
+}
+
+/// What build(geometry, config, masks, data, progress) makes of the mesh's positions and triangles
+/// alone, on options.threads.
 template <typename Data, typename Config, typename Build>
 std::unique_ptr<LeafStore> build_over(const MeshView& mesh, const Config& config,
                                       std::span<const uint32_t> masks, const BuildOptions& options,
@@ -61,16 +69,16 @@ std::unique_ptr<LeafStore> build_over(const MeshView& mesh, const Config& config
   bvh::check_cost(config.cost);
   check_masks(masks, mesh.triangles.size());
   Progress progress(options);
-  progress.report(0, "building");
+  progress.report(0, kBuildStage);
   auto data = std::make_unique<Data>();
   data->without_triangles = &store_without_triangles<Data>;
   with_threads(options.threads, [&] {
     MeshView geometry;
     geometry.positions = mesh.positions;
     geometry.triangles = mesh.triangles;
-    build(geometry, config, masks, *data);
+    build(geometry, config, masks, *data, progress);
   });
-  progress.report(1, "building");
+  progress.report(1, kBuildStage);
   prepare(*data, config.simd);
   data->statistics = measure(*data, config.cost);
   return data;

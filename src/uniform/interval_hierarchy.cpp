@@ -23,8 +23,9 @@ IntervalNode leaf_node(uint32_t first, uint32_t count) {
 
 class IntervalBuilder {
  public:
-  IntervalBuilder(std::span<const Aabb> boxes, std::span<uint32_t> order, uint32_t max_leaf_size)
-      : boxes_(boxes), order_(order), max_leaf_size_(max_leaf_size) {}
+  IntervalBuilder(std::span<const Aabb> boxes, std::span<uint32_t> order, uint32_t max_leaf_size,
+                  SharedProgress& progress)
+      : boxes_(boxes), order_(order), max_leaf_size_(max_leaf_size), progress_(progress) {}
 
   /// The subtree of order[begin, end). Links are relative, so subtrees can be put together.
   void grow(uint32_t begin, uint32_t end, const Aabb& space, uint32_t depth,
@@ -53,8 +54,13 @@ class IntervalBuilder {
       return;
     }
     std::vector<IntervalNode> first, second;
-    parallel_invoke([&] { grow(begin, middle, below, depth + 1, first); },
-                    [&] { grow(middle, end, above, depth + 1, second); });
+    const auto grow_part = [&](uint32_t from, uint32_t to, const Aabb& half_space,
+                               std::vector<IntervalNode>& part) {
+      grow(from, to, half_space, depth + 1, part);
+      if (to - from < kSequential) progress_.add(to - from);
+    };
+    parallel_invoke([&] { grow_part(begin, middle, below, first); },
+                    [&] { grow_part(middle, end, above, second); });
     out.insert(out.end(), first.begin(), first.end());
     link_above();
     out.insert(out.end(), second.begin(), second.end());
@@ -128,6 +134,7 @@ class IntervalBuilder {
   std::span<const Aabb> boxes_;
   std::span<uint32_t> order_;
   uint32_t max_leaf_size_;
+  SharedProgress& progress_;
 };
 
 void check_config(const uniform::IntervalConfig& config) {
@@ -138,7 +145,7 @@ void check_config(const uniform::IntervalConfig& config) {
 }
 
 void build_intervals(const MeshView& mesh, const uniform::IntervalConfig& config,
-                     std::span<const uint32_t> masks, IntervalData& data) {
+                     std::span<const uint32_t> masks, IntervalData& data, Progress& progress) {
   std::vector<uint32_t> order =
       usable_triangles(mesh, config.invalid == bvh::InvalidTriangles::kDrop);
   if (order.size() > kMaxReferences)
@@ -151,8 +158,9 @@ void build_intervals(const MeshView& mesh, const uniform::IntervalConfig& config
   });
   for (const uint32_t triangle : order) extend(data.bounds, boxes[triangle]);
   std::vector<IntervalNode> nodes;
+  SharedProgress shared = node_progress(progress, order.size());
   if (!order.empty())
-    IntervalBuilder(boxes, order, config.max_leaf_size)
+    IntervalBuilder(boxes, order, config.max_leaf_size, shared)
         .grow(0, static_cast<uint32_t>(order.size()), data.bounds, 0, nodes);
   std::vector<Range> lists;
   for (const IntervalNode& node : nodes)

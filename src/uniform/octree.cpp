@@ -25,16 +25,22 @@ struct Subtree {
 
 class OctreeBuilder {
  public:
-  OctreeBuilder(const MeshView& mesh, uint32_t max_leaf_size, uint32_t max_depth)
-      : mesh_(mesh), max_leaf_size_(max_leaf_size), max_depth_(max_depth) {}
+  /// What the whole tree counts for in the progress.
+  static constexpr uint64_t kWork = uint64_t{1} << 40;
+
+  OctreeBuilder(const MeshView& mesh, uint32_t max_leaf_size, uint32_t max_depth,
+                SharedProgress& progress)
+      : mesh_(mesh), max_leaf_size_(max_leaf_size), max_depth_(max_depth), progress_(progress) {}
 
   /// The subtree of a cell that these triangles touch. `spare` is how many references more there
-  /// may be.
-  Subtree grow(std::vector<uint32_t> triangles, const Aabb& cell, uint32_t depth,
-               uint64_t spare) const {
+  /// may be, `work` what the subtree counts for in the progress.
+  Subtree grow(std::vector<uint32_t> triangles, const Aabb& cell, uint32_t depth, uint64_t spare,
+               uint64_t work) const {
     Subtree part;
     part.nodes.emplace_back();
-    grow(std::move(triangles), cell, depth, spare, 0, part);
+    const bool is_small = triangles.size() < kSequential;
+    grow(std::move(triangles), cell, depth, spare, is_small ? 0 : work, 0, part);
+    if (is_small) progress_.add(work);
     return part;
   }
 
@@ -43,7 +49,7 @@ class OctreeBuilder {
   using Lists = std::array<std::vector<uint32_t>, 8>;
 
   void grow(std::vector<uint32_t> triangles, const Aabb& cell, uint32_t depth, uint64_t spare,
-            uint32_t node, Subtree& out) const {
+            uint64_t work, uint32_t node, Subtree& out) const {
     const size_t count = triangles.size();
     Lists lists;
     const Vec3 middle = center(cell);
@@ -58,25 +64,28 @@ class OctreeBuilder {
     size_t total = 0;
     for (const auto& list : lists) total += list.size();
     spare -= total > count ? total - count : 0;
-    const auto share = [&](uint32_t child) {
-      return static_cast<uint64_t>(double(spare) * double(lists[child].size()) / double(total));
+    const auto share = [&](uint64_t of, uint32_t child) {
+      return static_cast<uint64_t>(double(of) * double(lists[child].size()) / double(total));
     };
     const auto children = static_cast<uint32_t>(out.nodes.size());
     out.nodes[node] = OctreeNode::inner(middle, children);
     out.nodes.resize(out.nodes.size() + 8);
-    std::array<uint64_t, 8> spares;
-    for (uint32_t child = 0; child < 8; ++child) spares[child] = share(child);
+    std::array<uint64_t, 8> spares, works;
+    for (uint32_t child = 0; child < 8; ++child) {
+      spares[child] = share(spare, child);
+      works[child] = share(work, child);
+    }
     if (count < kSequential) {
       for (uint32_t child = 0; child < 8; ++child)
-        grow(std::move(lists[child]), child_cell(cell, middle, child), depth + 1, spares[child],
+        grow(std::move(lists[child]), child_cell(cell, middle, child), depth + 1, spares[child], 0,
              children + child, out);
       return;
     }
     std::array<Subtree, 8> parts;
     parallel_for(8, 1, [&](size_t i) {
       const auto child = static_cast<uint32_t>(i);
-      parts[child] =
-          grow(std::move(lists[child]), child_cell(cell, middle, child), depth + 1, spares[child]);
+      parts[child] = grow(std::move(lists[child]), child_cell(cell, middle, child), depth + 1,
+                          spares[child], works[child]);
     });
     for (uint32_t child = 0; child < 8; ++child) append(parts[child], children + child, out);
   }
@@ -150,6 +159,7 @@ class OctreeBuilder {
 
   const MeshView& mesh_;
   uint32_t max_leaf_size_, max_depth_;
+  SharedProgress& progress_;
 };
 
 /// With its lowest corner at that of the bounds, so that a flat scene is not cut along its plane.
@@ -175,7 +185,7 @@ uint32_t depth_limit(uint32_t max_depth, size_t count) {
 }
 
 void build_octree(const MeshView& mesh, const uniform::OctreeConfig& config,
-                  std::span<const uint32_t> masks, OctreeData& data) {
+                  std::span<const uint32_t> masks, OctreeData& data, Progress& progress) {
   const std::vector<uint32_t> triangles =
       usable_triangles(mesh, config.invalid == bvh::InvalidTriangles::kDrop);
   const size_t count = triangles.size();
@@ -188,9 +198,11 @@ void build_octree(const MeshView& mesh, const uniform::OctreeConfig& config,
     for (const uint32_t triangle : triangles)
       for (const Vec3& corner : corners_of(mesh, triangle)) extend(data.bounds, corner);
     const double spare = double(count) * (double(config.max_references) - 1);
-    part = OctreeBuilder(mesh, config.max_leaf_size, depth_limit(config.max_depth, count))
+    SharedProgress shared = node_progress(progress, OctreeBuilder::kWork);
+    part = OctreeBuilder(mesh, config.max_leaf_size, depth_limit(config.max_depth, count), shared)
                .grow(triangles, cube_around(data.bounds), 0,
-                     std::min(static_cast<uint64_t>(spare), uint64_t{kMaxReferences} - count));
+                     std::min(static_cast<uint64_t>(spare), uint64_t{kMaxReferences} - count),
+                     OctreeBuilder::kWork);
   }
   std::vector<Range> lists;
   for (const OctreeNode& node : part.nodes)

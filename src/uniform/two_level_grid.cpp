@@ -60,7 +60,7 @@ class GridBuilder {
     parallel_for(triangles_.size(), 4096, [&](size_t i) { boxes_[i] = box_of(triangles_[i]); });
   }
 
-  void build(std::span<const uint32_t> masks, GridData& data) const {
+  void build(std::span<const uint32_t> masks, GridData& data, Progress& progress) const {
     for (const Aabb& box : boxes_) extend(data.bounds, box);
     data.compact = config_.compact;
     std::vector<uint32_t> references;
@@ -68,7 +68,7 @@ class GridBuilder {
       data.frame = frame_for(data.bounds, double(triangles_.size()), config_.density,
                              most_of(triangles_.size(), top_share()),
                              [&](const GridFrame& frame) { return touched_at_most(frame); });
-      references = fill_cells(top_lists(data.frame), data);
+      references = fill_cells(top_lists(data.frame), data, progress);
       if (references.size() > kMaxReferences)
         throw Error(ErrorCode::kUnsupported, "a grid of " + std::to_string(references.size()) +
                                                  " references is larger than the " +
@@ -143,14 +143,17 @@ class GridBuilder {
   };
 
   /// Makes all grids of top cells; the references of their leaves.
-  std::vector<uint32_t> fill_cells(const TopLists& lists, GridData& data) const {
+  std::vector<uint32_t> fill_cells(const TopLists& lists, GridData& data,
+                                   Progress& progress) const {
     constexpr size_t kTops = 64;
     const size_t count = data.frame.count();
     data.tops.resize(count);
     std::vector<Part> parts((count + kTops - 1) / kTops);
+    SharedProgress shared = node_progress(progress, lists.triangles.size());
     parallel_chunks(count, kTops, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i)
         fill_top(data.frame, i, lists, data.tops[i], parts[begin / kTops]);
+      shared.add(lists.offsets[end] - lists.offsets[begin]);
     });
     std::vector<uint32_t> references;
     for (size_t k = 0; k < parts.size(); ++k) {
@@ -219,8 +222,8 @@ void check_config(const uniform::GridConfig& c) {
 }
 
 void build_grid(const MeshView& mesh, const uniform::GridConfig& config,
-                std::span<const uint32_t> masks, GridData& data) {
-  GridBuilder(mesh, config).build(masks, data);
+                std::span<const uint32_t> masks, GridData& data, Progress& progress) {
+  GridBuilder(mesh, config).build(masks, data, progress);
 }
 
 }  // namespace

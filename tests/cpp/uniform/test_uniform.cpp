@@ -228,5 +228,39 @@ TEST(Uniform, refuses_what_is_wrong) {
   EXPECT_THROW(IntervalHierarchy::build(shapes::sphere(1).view(), {}, {}, cancel), Error);
 }
 
+/// The fractions that a build reports, in order; it is cancelled from `limit` on.
+template <typename Structure>
+std::vector<float> fractions_of(float limit, uint32_t threads) {
+  static const Mesh mesh = shapes::terrain(200, 200, 3);
+  std::vector<float> fractions;
+  const auto follow = [&](float fraction, std::string_view) {
+    fractions.push_back(fraction);
+    return fraction < limit;
+  };
+  const BuildOptions options{.progress = follow, .threads = threads};
+  if (limit > 1)
+    Structure::build(mesh.view(), {}, {}, options);
+  else
+    EXPECT_THROW(Structure::build(mesh.view(), {}, {}, options), Error);
+  EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+  return fractions;
+}
+
+template <typename Structure>
+void expect_progress() {
+  for (const uint32_t threads : {1u, 2u}) {
+    EXPECT_GT(fractions_of<Structure>(2, threads).size(), 5u);
+    EXPECT_EQ(fractions_of<Structure>(2, threads).back(), 1);
+    const float last = fractions_of<Structure>(0.3f, threads).back();
+    EXPECT_TRUE(last >= 0.3f && last < 1) << last;
+  }
+}
+
+TEST(Uniform, builds_report_progress_and_stop_halfway) {
+  expect_progress<TwoLevelGrid>();
+  expect_progress<uniform::Octree>();
+  expect_progress<IntervalHierarchy>();
+}
+
 }  // namespace
 }  // namespace umbel
