@@ -313,9 +313,12 @@ def _with_all_attributes(blocks: list[Mesh], parts: list[Part]) -> list[Mesh]:
     if sets:
         wanted.add("uvs")
     influences = max(0 if b.joints is None else b.joints.shape[1] for b in blocks)
+    own: list[list[UInt32Array]] = [[np.zeros((0, 3), np.uint32)] for _ in blocks]
+    for number, triangles, _ in parts:
+        own[number].append(triangles)
     return [
-        _skinned(_filled(block, k, parts, wanted, sets), influences)
-        for k, block in enumerate(blocks)
+        _skinned(_filled(block, np.concatenate(triangles), wanted, sets), influences)
+        for block, triangles in zip(blocks, own, strict=True)
     ]
 
 
@@ -331,11 +334,10 @@ def _skinned(block: Mesh, influences: int) -> Mesh:
     return replace(block, joints=joints, weights=weights)
 
 
-def _filled(block: Mesh, index: int, parts: list[Part], wanted: set[str], sets: int) -> Mesh:
+def _filled(block: Mesh, triangles: UInt32Array, wanted: set[str], sets: int) -> Mesh:
+    """The block, whose triangles these are, with the attributes that are wanted."""
     n = len(block.positions)
     normals, tangents, uvs, colors = block.normals, block.tangents, block.uvs, block.colors
-    own = [t for b, t, _ in parts if b == index]
-    triangles = np.concatenate([np.zeros((0, 3), np.uint32), *own])
     if normals is None and "normals" in wanted:
         normals = area_weighted_normals(block.positions, triangles)
     if tangents is None and "tangents" in wanted:
