@@ -51,7 +51,8 @@ uint32_t add_part(io::TableLayout& layout, const std::string& name,
                   const std::map<std::string, ColumnArguments>& columns, uint64_t triangles,
                   std::optional<uint32_t> material, uint32_t default_material, float color_divisor,
                   bool srgb_colors, const std::optional<std::array<double, 12>>& transform,
-                  const std::vector<ExtraArguments>& extras) {
+                  const std::vector<ExtraArguments>& extras,
+                  std::vector<uint32_t> material_numbers) {
   io::TablePart part;
   part.name = name;
   part.positions = column_of(columns, "positions");
@@ -67,6 +68,7 @@ uint32_t add_part(io::TableLayout& layout, const std::string& name,
   part.materials = column_of(columns, "materials");
   part.triangles = triangles;
   part.material = material.value_or(0);
+  part.material_numbers = std::move(material_numbers);
   part.default_material = default_material;
   part.color_divisor = color_divisor;
   part.are_colors_srgb = srgb_colors;
@@ -351,7 +353,8 @@ void bind_source(nb::module_& module) {
            "Writes an OBJ file as tables, and adds those.")
       .def("add_part", &add_part, "name"_a, "columns"_a, "triangles"_a = 0,
            "material"_a = nb::none(), "default_material"_a = kNone, "color_divisor"_a = 1.0f,
-           "srgb_colors"_a = false, "transform"_a = nb::none(), "extras"_a = nb::make_tuple());
+           "srgb_colors"_a = false, "transform"_a = nb::none(), "extras"_a = nb::make_tuple(),
+           "material_numbers"_a = nb::make_tuple());
   nb::class_<io::TableSource, io::TriangleSource>(module, "TableSource")
       .def(nb::init<io::TableLayout>(), "layout"_a)
       .def("files", &io::TableSource::files, "begin"_a, "end"_a,

@@ -272,8 +272,13 @@ class PartReader {
     rows(part_.materials, begin, end, block.materials);
     for (size_t i = triangle; i < block.materials.size(); ++i) {
       uint32_t& material = block.materials[i];
-      material = material == kNone ? part_.default_material : material + part_.material;
+      material = material == kNone ? part_.default_material : number_of(material);
     }
+  }
+
+  uint32_t number_of(uint32_t material) const {
+    const std::vector<uint32_t>& numbers = part_.material_numbers;
+    return material < numbers.size() ? numbers[material] : material;
   }
 
   const TableLayout& layout_;

@@ -27,13 +27,14 @@ struct TablePart {
   Column uvs;        ///< 2
   Column colors;     ///< 3 or 4
   Column indices;    ///< 3, a row a triangle; without it, three vertices in a row are one
-  Column uv_indices, normal_indices;  ///< 3; where these streams have rows of their own
-  std::vector<ExtraColumn> extras;    ///< in any order
-  Column materials;                   ///< 1, a row a triangle
-  uint32_t material = 0;              ///< of all triangles, or what is added to `materials`
-  uint32_t default_material = kNone;  ///< of rows of `materials` that are kNone
-  float color_divisor = 1.0f;         ///< of all values but alpha
-  bool are_colors_srgb = false;       ///< else linear; alpha is
+  Column uv_indices, normal_indices;       ///< 3; where these streams have rows of their own
+  std::vector<ExtraColumn> extras;         ///< in any order
+  Column materials;                        ///< 1, a row a triangle
+  uint32_t material = 0;                   ///< of all triangles, where there are no `materials`
+  std::vector<uint32_t> material_numbers;  ///< of values in `materials`; beyond: the value
+  uint32_t default_material = kNone;       ///< of rows of `materials` that are kNone
+  float color_divisor = 1.0f;              ///< of all values but alpha
+  bool are_colors_srgb = false;            ///< else linear; alpha is
   /// Three rows of four: where the part's vertices are in the world.
   std::optional<std::array<double, 12>> transform;
 

@@ -48,8 +48,8 @@ class Source:
     recipe: dict[str, list[Any]] | None = None
     #: What float32 took of meshes that were read as a whole.
     rounding: Rounding = field(default_factory=Rounding)
-    #: Of each part: the material of all its triangles, or what is added to their numbers.
-    material_numbers: list[int | None] = field(default_factory=list)
+    #: Of each part: the material of all its triangles, or those that its numbers are.
+    material_numbers: list[int | list[int] | None] = field(default_factory=list)
 
 
 def open_source(
@@ -125,7 +125,7 @@ def open_source(
         _tree_of(layout, skinned[0] if skinned else None, len(files or []) > 1),
         layout.recipe,
         rounding,
-        [part.material for part in layout.parts],
+        [part.material if part.numbers is None else part.numbers for part in layout.parts],
     )
 
 

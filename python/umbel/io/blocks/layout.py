@@ -34,6 +34,7 @@ class _Part:
     transform: list[float] | None
     may_miss: bool  # the column of materials has rows without one
     extras: list[Extra]
+    numbers: list[int] | None
 
 
 @dataclass
@@ -82,10 +83,11 @@ class Layout:
         may_miss: bool = False,
         vertices: int | None = None,
         extras: list[Extra] | None = None,
+        numbers: list[int] | None = None,
     ) -> None:
-        """A mesh with vertices of its own. `material`: of all triangles, or what is added to the
-        numbers in a column; None: it has none. `vertices`: how many, where no table says it.
-        `extras`: further texture coordinates, joints and weights."""
+        """A mesh with vertices of its own. `material`: of all triangles; None: it has none, or a
+        column of them. `numbers`: the materials that the values in the column are. `vertices`: how
+        many, where no table says it. `extras`: further texture coordinates, joints and weights."""
         table, _, offsets, _ = columns["positions"]
         if table in self._rows:
             vertices = self._rows[table] * (len(offsets) // 3)
@@ -105,6 +107,7 @@ class Layout:
                 rows,
                 may_miss,
                 extras or [],
+                numbers,
             )
         )
 
@@ -115,7 +118,10 @@ class Layout:
 
     def finished(self) -> Any:
         """For `_umbel.TableSource`."""
-        missing = any(p.material in (None, NO_MATERIAL) or p.may_miss for p in self.parts)
+        missing = any(
+            (p.numbers is None and p.material in (None, NO_MATERIAL)) or p.may_miss
+            for p in self.parts
+        )
         default = len(self.materials)
         if self.materials and missing:
             self.materials.append(Material(name="default", metallic=1.0))
@@ -124,7 +130,8 @@ class Layout:
             if material is None or material == NO_MATERIAL:
                 material = default if self.materials else None
             what = (part.name, part.columns, part.triangles, material, default)
-            rest = (part.color_divisor, part.srgb_colors, part.transform, part.extras)
+            colors = (part.color_divisor, part.srgb_colors)
+            rest = (*colors, part.transform, part.extras, part.numbers or [])
             self._note("parts", [*what, *rest])
             self.native.add_part(*what, *rest)
         return self.native
@@ -141,8 +148,8 @@ def again(recipe: dict[str, list[Any]]) -> Any:
         native.add_file(file)
     for table in recipe["tables"]:
         native.add_table(*table)
-    for name, columns, *rest, extras in recipe["parts"]:
+    for name, columns, *rest, extras, numbers in recipe["parts"]:
         sets = [(kind, number, tuple(column)) for kind, number, column in extras]
         arguments = [name, {k: tuple(column) for k, column in columns.items()}, *rest, sets]
-        native.add_part(*arguments)
+        native.add_part(*arguments, numbers)
     return native

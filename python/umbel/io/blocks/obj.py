@@ -21,19 +21,19 @@ def lay_out(layout: Layout, path: Path) -> bool:
     found = layout.native.add_obj(path, where, layout.new_file(""))
     for note in found["notes"]:
         warnings.warn(note.decode("utf-8", "replace"), LoadWarning, stacklevel=4)
-    material = None
+    numbers = None
     if found["has_materials"]:
-        material = layout.shared.add_in_order(
+        numbers = layout.shared.add(
             materials_of(found, Folder(path.parent, layout.allow_outside), where)
         )
     layout.add_part(
         where,
         found["columns"],
         found["triangles"],
-        material,
-        found["color_divisor"],
+        color_divisor=found["color_divisor"],
         srgb_colors=True,
         may_miss=found["misses_material"],
         vertices=found["vertices"],
+        numbers=numbers,
     )
     return True

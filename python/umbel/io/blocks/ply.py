@@ -64,11 +64,11 @@ def lay_out(layout: Layout, path: Path) -> bool:
         )
     kinds = {e.name: _kinds(e) for e in elements if e.count}
     warn_of_losses(kinds, head, str(path))
-    material = None
+    numbers = None
     if "materials" in columns:
         named = [Material(name=f"material_{k}") for k in range(largest + 1)]
-        material = layout.shared.add_in_order(named)
-    layout.add_part(str(path), columns, triangles, material, srgb_colors=True)
+        numbers = layout.shared.add(named)
+    layout.add_part(str(path), columns, triangles, srgb_colors=True, numbers=numbers)
     return True
 
 

@@ -18,41 +18,29 @@ class SharedMaterials:
 
     def __init__(self) -> None:
         self.all: list[Material] = []
-        self._keys: list[str] = []
+        self._known = 0  #: of them, those whose keys are in `_first`
+        self._first: dict[str, int] = {}
         self._digests: dict[str, str] = {}
 
     def add(self, materials: list[Material]) -> list[int]:
         """The number of each; one of an earlier file where that is equal."""
         if not self.all:
+            # A single file needs no keys, so its images are not read.
             self.all += materials
             return list(range(len(materials)))
-        keys = self._keys_with(materials)
-        earlier = {key: k for k, key in reversed(list(enumerate(self._keys)))}
-        numbers = []
-        for material, key in zip(materials, keys, strict=True):
-            if key not in earlier:
+        for known in range(self._known, len(self.all)):
+            self._first.setdefault(self._key(self.all[known]), known)
+        keys = [self._key(material) for material in materials]
+        earlier = [self._first.get(key) for key in keys]
+        numbers: list[int] = []
+        for material, key, number in zip(materials, keys, earlier, strict=True):
+            if number is None:
+                number = len(self.all)
                 self.all.append(material)
-                self._keys.append(key)
-            numbers.append(earlier.get(key, len(self.all) - 1))
+                self._first.setdefault(key, number)
+            numbers.append(number)
+        self._known = len(self.all)
         return numbers
-
-    def add_in_order(self, materials: list[Material]) -> int:
-        """The number of the first, where the others follow it."""
-        if not self.all:
-            self.all += materials
-            return 0
-        keys = self._keys_with(materials)
-        for at in range(len(self._keys) - len(keys) + 1):
-            if self._keys[at : at + len(keys)] == keys:
-                return at
-        self.all += materials
-        self._keys += keys
-        return len(self.all) - len(materials)
-
-    def _keys_with(self, materials: list[Material]) -> list[str]:
-        # A single file needs no keys, so its images are not read.
-        self._keys += [self._key(material) for material in self.all[len(self._keys) :]]
-        return [self._key(material) for material in materials]
 
     def _key(self, material: Material) -> str:
         """A text that is equal for equal materials."""

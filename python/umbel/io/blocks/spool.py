@@ -35,9 +35,7 @@ def spool(layout: Layout, blocks: Iterable[Any], name: str) -> None:
 
 def spool_mesh(layout: Layout, mesh: Mesh, name: str) -> None:
     """Adds a mesh that is in memory."""
-    offset = None
-    if mesh.material_ids is not None:
-        offset = layout.shared.add_in_order(mesh.materials)
+    numbers = None if mesh.material_ids is None else layout.shared.add(mesh.materials)
     vertices = {
         key: getattr(mesh, key)
         for key in _WIDTHS
@@ -45,8 +43,16 @@ def spool_mesh(layout: Layout, mesh: Mesh, name: str) -> None:
     }
     arrays = {"positions": mesh.world_positions, **vertices, **_sets(mesh)}
     _spool_part(
-        layout, (arrays, mesh.triangles, mesh.material_ids), iter(()), name, list(arrays), offset
+        layout, (arrays, mesh.triangles, mesh.material_ids), iter(()), name, list(arrays), numbers
     )
+
+
+def _numbered(ids: NDArray[np.uint32], numbers: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """The materials of all meshes that a mesh's own are; what it does not have stays."""
+    out = ids.copy()
+    has = ids < len(numbers)
+    out[has] = numbers[ids[has]]
+    return out
 
 
 Rows = tuple[dict[str, NDArray[Any]], NDArray[np.uint32], NDArray[np.uint32] | None]
@@ -71,7 +77,7 @@ def _width(stream: str) -> int:
 def _checked(blocks: Iterable[Any], name: str, shared: SharedMaterials) -> Iterator[Rows]:
     """The arrays of each block that has triangles. Materials of meshes are added to those known."""
     known: list[Material] | None = None
-    number = 0
+    numbers = np.zeros(0, np.uint32)
     is_empty = True
     for k, block in enumerate(blocks):
         place = f"{name}: block {k}"
@@ -81,8 +87,9 @@ def _checked(blocks: Iterable[Any], name: str, shared: SharedMaterials) -> Itera
             mesh |= {"positions": block.world_positions, "triangles": block.triangles}
             if block.material_ids is not None:
                 if block.materials != known:
-                    known, number = block.materials, shared.add_in_order(block.materials)
-                mesh["materials"] = block.material_ids + np.uint32(number)
+                    known = block.materials
+                    numbers = np.array(shared.add(block.materials), np.uint32)
+                mesh["materials"] = _numbered(block.material_ids, numbers)
         elif isinstance(block, (tuple, list)) and len(block) == 2:
             mesh = {"positions": block[0], "triangles": block[1]}
         else:
@@ -130,7 +137,7 @@ def _spool_part(
     more: Iterator[Rows],
     name: str,
     streams: list[str],
-    offset: int | None = None,
+    numbers: list[int] | None = None,
 ) -> Rows | None:
     """Writes blocks to one part until 32 bits cannot number its vertices; gives the block that is
     the first of the next part."""
@@ -179,6 +186,6 @@ def _spool_part(
     columns["indices"] = (table, "u4", [0, 4, 8], False)
     if has_materials:
         columns["materials"] = (table, "u4", [12], False)
-        offset = offset or 0
-    layout.add_part(name, columns, counts[1], offset if has_materials else None, extras=extras)
+        numbers = numbers or []
+    layout.add_part(name, columns, counts[1], extras=extras, numbers=numbers)
     return rest

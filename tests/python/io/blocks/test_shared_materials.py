@@ -83,13 +83,29 @@ def test_an_unreadable_image_is_equal_to_itself_only(tmp_path: Path) -> None:
     assert [shared.add([one])[0] for one in (*missing, missing[0])] == [0, 1, 0]
 
 
-def test_numbers_in_a_column_need_the_same_order() -> None:
+def test_equal_ones_of_many_files() -> None:
     shared = SharedMaterials()
-    a, b, c = (umbel.Material(name) for name in "abc")
-    assert shared.add_in_order([a, b, c]) == 0
-    assert shared.add_in_order([b, c]) == 1
-    assert shared.add_in_order([c, b]) == 3
-    assert [m.name for m in shared.all] == ["a", "b", "c", "c", "b"]
+    a, b, c, d = (umbel.Material(name=name) for name in "abcd")
+    assert shared.add([a, b, b]) == [0, 1, 2]
+    assert shared.add([c, b, c]) == [3, 1, 4]
+    assert shared.add([d, c, a]) == [5, 3, 0]
+    assert [m.name for m in shared.all] == ["a", "b", "b", "c", "c", "d"]
+
+
+@pytest.mark.parametrize("extension", [".glb", ".obj", ".ply"])
+def test_tiles_of_some_of_the_materials(tmp_path: Path, extension: str) -> None:
+    """In any order: equal ones are one, and triangles keep theirs."""
+    a, b, c = (umbel.Material(name=f"material_{k}", roughness=1 - k / 4) for k in range(3))
+    files = [
+        tile(tmp_path / f"{k}{extension}", 4 * k, materials)
+        for k, materials in enumerate(([a], [a, b, c], [c, a, b], [b, a]))
+    ]
+    source = open_source(files, tmp_path / "work")
+    assert [m.name for m in source.materials] == ["material_0", "material_1", "material_2"]
+    found = source.triangles.read(0, source.triangles.triangles)["materials"].tolist()
+    # PLY has no names: they are the numbers.
+    wanted = [0, 0, 1, 2, 2, 0, 1, 1, 0] if extension != ".ply" else [0, 0, 1, 2, 0, 1, 2, 0, 1]
+    assert found[::2] == wanted
 
 
 def test_clusters_span_tiles_of_one_material(tmp_path: Path) -> None:
