@@ -345,7 +345,7 @@ def _with_ground(
         )
 
     ids = mesh.material_ids
-    if ids is None:
+    if ids is None or not materials:
         ids, materials = np.zeros(len(mesh.triangles), np.uint32), [plain()]
     floor = plain(0.4)
     drawn = replace(

@@ -359,6 +359,15 @@ def test_a_floor_stands_under_a_mesh_with_every_attribute() -> None:
     assert np.isfinite(image).all()
 
 
+def test_a_floor_is_not_the_material_of_a_mesh_that_has_numbers_of_materials_alone() -> None:
+    blob = umbel.shapes.blob(3, seed=1)
+    ids = np.arange(len(blob.triangles), dtype=np.uint32) % 3
+    mesh = umbel.Mesh(blob.positions, blob.triangles, material_ids=ids)
+    film = umbel.Renderer(mesh, ground=True).film(width=16, height=16)
+    albedo, _ = film.features(4)
+    assert albedo[8, 8] == pytest.approx(0.75)
+
+
 def _small_files() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (2_000, 2_000))
 
