@@ -96,6 +96,7 @@ def triple(values: Any, what: str) -> tuple[float, float, float]:
 def matching(materials: Sequence[Material], patterns: Sequence[str]) -> list[int]:
     """The materials whose names match (`*` and `?` as in shells). Raises for a pattern that matches
     none."""
+    patterns = [patterns] if isinstance(patterns, str) else patterns
     names = [material.name for material in materials]
     hidden: set[int] = set()
     for pattern in patterns:

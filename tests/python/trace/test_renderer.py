@@ -272,6 +272,7 @@ def test_hidden_materials_are_left_out(tmp_path: Path) -> None:
     path = write_square(tmp_path / "a.gltf", emitting() | {"name": "outline[1]"})
     for pattern in ("out*", "outline[?]", "outline[1]"):
         assert len(umbel.Renderer(path, hide=[pattern]).mesh.triangles) == 0
+        assert len(umbel.Renderer(path, hide=pattern).mesh.triangles) == 0
     with pytest.raises(umbel.Error, match="outline"):
         umbel.Renderer(path, hide=["glass"])
 
