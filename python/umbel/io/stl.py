@@ -27,6 +27,7 @@ _BLOCK = 1 << 20  # triangles that are looked at together
 _CORNER = ["vertex", "-", "-", "-"]
 _FACET = ["facet", "normal", "-", "-", "-", "outer", "loop", *_CORNER, *_CORNER, *_CORNER]
 _FACET += ["endloop", "endfacet"]
+_LINE_END = re.compile(rb"[\r\n]")
 # What ends a name where the file is a single line; names may have these words, too.
 _FIRST_FACET = re.compile(rb"(?<!\S)facet\s+normal\s+[-+.\dni]")
 _NEXT_SOLID = re.compile(rb"(?<!\S)solid\s(?=.*?\sfacet\s+normal\s+[-+.\dni])")
@@ -159,8 +160,8 @@ def _facets_of(text: bytes, where: str) -> bytes:
         if text[begin - 1 : begin].strip():
             at += 5  # part of a word
             continue
-        stops = [p for p in (text.find(b"\n", at), text.find(b"\r", at)) if p >= 0]
-        stop = min(stops, default=len(text))
+        end = _LINE_END.search(text, at)
+        stop = end.start() if end else len(text)
         more = (_NEXT_SOLID if is_end else _FIRST_FACET).search(text, at + 5, stop)
         stop = more.start() if more else stop
         if is_end != is_open:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,14 @@ def test_a_header_that_is_a_sentence_about_ply_is_none_of_ply(tmp_path: Path) ->
 def test_solids_that_become_one_mesh_are_said(tmp_path: Path) -> None:
     with pytest.warns(LoadWarning, match="mesh.stl: its 2 solids become one mesh"):
         read(tmp_path, (ascii_text() + "\n" + ascii_text()).encode())
+
+
+def test_many_solids_take_no_square_of_time(tmp_path: Path) -> None:
+    count = 200_000
+    begin = time.process_time()
+    with pytest.warns(LoadWarning, match=f"its {count} solids become one mesh"):
+        read(tmp_path, b"solid\nendsolid\n" * count)
+    assert time.process_time() - begin < 20
 
 
 def test_no_triangles_are_an_empty_mesh(tmp_path: Path) -> None:
