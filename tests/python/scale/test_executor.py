@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import umbel
+from umbel.cli.building.build_file import Limits, Options, build_units
 from umbel.scale.build_asset import build_asset
 from umbel.scale.executor import InProcess, Result, Task, perform
 
@@ -54,6 +55,16 @@ def test_patterns_are_files_by_name(
     assert (tmp_path / "a.umbel").read_bytes() == made_of_tiles
     with pytest.raises(umbel.Error, match="no file matches"):
         build_asset(str(tmp_path / "*.ply"), tmp_path / "b.umbel")
+
+
+def test_patterns_that_overlap_name_a_file_once(tiles: list[Path], tmp_path: Path) -> None:
+    """As they do without an executor."""
+    patterns = [str(tiles[0].parent / pattern) for pattern in ("*.ply", "*.pl?")]
+    options, output = Options(unit_triangles=UNIT), tmp_path / "a.umbel"
+    report = build_units(patterns, str(output), options, Limits(), executor=InProcess())
+    build_asset(tiles, tmp_path / "b.umbel", unit_triangles=UNIT)
+    found = [umbel.Asset(path).info["source_triangles"] for path in sorted(tmp_path.iterdir())]
+    assert found == [report["input_triangles"]] * 2
 
 
 @pytest.mark.parametrize("seed", range(3))

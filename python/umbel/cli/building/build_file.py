@@ -204,7 +204,7 @@ def build_units(
     from umbel.scale.build_asset import build_asset
     from umbel.scale.storage import as_path, expand
 
-    files = expand(sources)
+    files = list(dict.fromkeys(expand(sources)))  # patterns may name one twice
     named = sources[0] if len(sources) == 1 else list(sources)
     if skip_unchanged and not any(is_address(file) for file in (*files, output)):
         origin = _origin(files, [Path(file) for file in files], options)
