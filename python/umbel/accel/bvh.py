@@ -39,8 +39,8 @@ class Refit:
 
 class Bvh(TriangleQueries):
     """A hierarchy over triangles that answers rays, distances and overlaps. It holds all that it
-    needs: the mesh need not be kept. Only its array of triangles is shared, for `refit` and
-    `tree`, and must not be changed."""
+    needs: the mesh need not be kept. Only its array of triangles is shared, for `refit`, and, with
+    `keep_tree`, that of its positions, for `epo`; they must not be changed."""
 
     _native: _umbel.Bvh
 

@@ -84,7 +84,8 @@ class Bvh2(_Tree):
         return words.view(NODE).reshape(len(words))
 
     def epo(self, cost: tuple[float, float] | None = None, *, threads: int = 0) -> float:
-        """End-point overlap (Aila, Karras & Laine 2013); only for trees over triangles."""
+        """End-point overlap (Aila, Karras & Laine 2013); only for trees over triangles. The mesh's
+        arrays are shared, and must be as they were when the tree was built."""
         if self._mesh is None:
             raise Error("epo needs triangles, and this tree was built over boxes")
         return self._native.end_point_overlap(
