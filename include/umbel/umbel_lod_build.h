@@ -56,7 +56,8 @@ typedef enum umbel_lod_refusal {
   UMBEL_LOD_REFUSED_DEGENERATE = 2,  ///< a triangle has two corners at one position
   UMBEL_LOD_REFUSED_MATERIALS = 3,   ///< a triangle has corners of several materials
   UMBEL_LOD_REFUSED_EDGES = 4,       ///< edges of the group's border are missing, or edges are
-                                     ///< open, or have more than two triangles, that must not
+                                     ///< open, or have more than two triangles, or triangles that
+                                     ///< run the wrong way along them, that must not
   UMBEL_LOD_REFUSED_TAKEN_EDGE = 5   ///< another group has made the same new edge between two
                                      ///< locked vertices: this group may make none at all
 } umbel_lod_refusal;

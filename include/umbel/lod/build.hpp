@@ -143,7 +143,8 @@ struct DecimationRefusal {
     kDegenerate = 2,      ///< a triangle has two corners at one position
     kMixedMaterials = 3,  ///< a triangle has corners of several materials
     kEdges = 4,           ///< edges of the group's border are missing, or edges are open, or have
-                          ///< more than two triangles, that must not
+                          ///< more than two triangles, or triangles that run the wrong way along
+                          ///< them, that must not
     kTakenEdge = 5,       ///< another group has made the same new edge between two locked vertices:
                           ///< this group may make none at all
   } reason = Reason::kNone;

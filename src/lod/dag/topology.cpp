@@ -95,7 +95,7 @@ SubMeshTopology::Entry& SubMeshTopology::entry(uint32_t a, uint32_t b) {
   const uint32_t next = static_cast<uint32_t>(entries_.size());
   const uint32_t found = index_.find_or_insert(
       IntegerHash()(edge_key(edge)), next, [&](uint32_t i) { return entries_[i].edge == edge; });
-  if (found == next) entries_.push_back({edge, 0, 0});
+  if (found == next) entries_.push_back({edge, 0, 0, 0});
   return entries_[found];
 }
 
@@ -114,14 +114,23 @@ void SubMeshTopology::set_sub_mesh(std::span<const Triangle> triangles,
 }
 
 // Finds violations and all new edges between locked vertices.
-void SubMeshTopology::count_edges(std::span<const Triangle> result) {
+void SubMeshTopology::count_edges(std::span<const Triangle> result, bool by_direction) {
   entries_.clear();
   index_.reset(3 * result.size() + own_locked_edges_.size());
   violations_.clear();
   locked_edges_.clear();
   for (const Triangle& t : result)
-    for (int i = 0; i < 3; ++i) ++entry(t[i], t[(i + 1) % 3]).after;
-  for (const auto& [a, b] : own_locked_edges_) ++entry(a, b).before;
+    for (int i = 0; i < 3; ++i) {
+      const uint32_t a = t[i], b = t[(i + 1) % 3];
+      Entry& e = entry(a, b);
+      ++e.after;
+      e.net += a < b ? 1 : -1;
+    }
+  for (const auto& [a, b] : own_locked_edges_) {
+    Entry& e = entry(a, b);
+    ++e.before;
+    e.net -= a < b ? 1 : -1;
+  }
   for (const Entry& e : entries_) {
     const auto [a, b] = e.edge;
     // What the caller holds stays open where it was, and nowhere else.
@@ -130,7 +139,9 @@ void SubMeshTopology::count_edges(std::span<const Triangle> result) {
     const bool fixed = locked_[a] && locked_[b];
     const bool parity_changed = fixed ? ((e.before ^ e.after) & 1) != 0 : (e.after & 1) != 0;
     const bool is_new = fixed && e.before == 0 && e.after == 2;
-    if (is_new)
+    if (by_direction && e.net != 0)
+      violations_.push_back({a, b});
+    else if (is_new)
       locked_edges_.push_back({a, b});
     else if (parity_changed || e.after > 2 || (fixed && e.after > e.before))
       violations_.push_back({a, b});

@@ -53,11 +53,12 @@ class SubMeshTopology {
   /// The edges of `result` that neither the rule of two triangles nor the source allows, in a
   /// fixed order. Empty: the result can take the sub-mesh's place in every cut, provided that
   /// nobody else has its new edges between locked vertices. Those that `may_add(a, b)` says are
-  /// legal are collected, others count as violations.
+  /// legal are collected, others count as violations. With `by_direction` so do edges that
+  /// triangles run along otherwise than those of the sub-mesh: collapses keep directions.
   template <typename MayAdd>
-  std::span<const PositionPair> violations(std::span<const Triangle> result,
-                                           const MayAdd& may_add) {
-    count_edges(result);
+  std::span<const PositionPair> violations(std::span<const Triangle> result, const MayAdd& may_add,
+                                           bool by_direction = false) {
+    count_edges(result, by_direction);
     std::erase_if(locked_edges_, [&](const PositionPair& edge) {
       if (may_add(edge.first, edge.second)) return false;
       violations_.push_back(edge);
@@ -76,9 +77,10 @@ class SubMeshTopology {
   struct Entry {
     PositionPair edge;
     uint32_t before, after;  // triangles
+    int32_t net;             // of those after that run from the first to the second, less before
   };
   Entry& entry(uint32_t a, uint32_t b);
-  void count_edges(std::span<const Triangle> result);
+  void count_edges(std::span<const Triangle> result, bool by_direction);
 
   HashIndex index_;
   std::vector<Entry> entries_;

@@ -17,16 +17,18 @@ bool CandidateCheck::is_alone() const {
          std::none_of(group_.locked.begin(), group_.locked.end(), [](uint8_t l) { return l != 0; });
 }
 
-std::span<const PositionPair> CandidateCheck::faults(std::span<const Triangle> triangles) {
+std::span<const PositionPair> CandidateCheck::faults(std::span<const Triangle> triangles,
+                                                     bool by_direction) {
   result_positions_.clear();
   for (const Triangle& t : triangles) result_positions_.push_back(group_.positions_of(t));
   if (!std::exchange(knows_topology_, true))
     topology_.set_sub_mesh(group_.position_triangles(), group_.locked,
                            group_.non_manifold_component);
   const auto& ids = group_.position_ids;
-  return topology_.violations(result_positions_, [&](uint32_t a, uint32_t b) {
+  const auto may_add = [&](uint32_t a, uint32_t b) {
     return allow_.locked_edges && !(allow_.taken && allow_.taken->contains({ids[a], ids[b]}));
-  });
+  };
+  return topology_.violations(result_positions_, may_add, by_direction);
 }
 
 // As long as it helps: one repair may undo another.

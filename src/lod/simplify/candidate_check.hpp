@@ -24,7 +24,9 @@ class CandidateCheck {
   bool is_alone() const;
 
   /// Edges that no neighbour expects, as pairs of positions. Valid until the next call.
-  std::span<const PositionPair> faults(std::span<const Triangle> triangles);
+  /// `by_direction`: see SubMeshTopology::violations.
+  std::span<const PositionPair> faults(std::span<const Triangle> triangles,
+                                       bool by_direction = false);
   /// Repairs what it can of the faults; returns those that are left.
   std::span<const PositionPair> repair(const GroupComponents& components, Candidate& candidate);
   /// Makes the candidate valid if it mixes no materials and has no fault.

@@ -69,8 +69,17 @@ std::vector<uint32_t> first_vertices(const GroupMesh& group) {
   return first;
 }
 
+// Whether no two triangles run along an edge in the same direction.
+bool is_consistently_oriented(GroupMesh& group) {
+  std::vector<PositionPair> sides;
+  for (const Triangle& t : group.position_triangles())
+    sides.insert(sides.end(), {{t[0], t[1]}, {t[1], t[2]}, {t[2], t[0]}});
+  std::ranges::sort(sides);
+  return std::ranges::adjacent_find(sides) == sides.end();
+}
+
 // Of a result whose vertices have been appended to the group; no reason where there is none.
-DecimationRefusal refusal_of(const GroupMesh& group, CandidateCheck& check,
+DecimationRefusal refusal_of(GroupMesh& group, CandidateCheck& check,
                              std::span<const Triangle> triangles) {
   using Reason = DecimationRefusal::Reason;
   for (uint32_t i = 0; i < triangles.size(); ++i) {
@@ -78,7 +87,7 @@ DecimationRefusal refusal_of(const GroupMesh& group, CandidateCheck& check,
     if (group.mixes_materials({&triangles[i], 1})) return {Reason::kMixedMaterials, i, {}};
   }
   DecimationRefusal refusal;
-  const auto faults = check.faults(triangles);
+  const auto faults = check.faults(triangles, is_consistently_oriented(group));
   if (faults.empty()) return refusal;
   refusal.reason = Reason::kEdges;
   const std::vector<uint32_t> first = first_vertices(group);
@@ -156,8 +165,10 @@ std::string to_string(const DecimationRefusal& refusal) {
     case Reason::kMixedMaterials:
       return triangle + " has corners of several materials";
     case Reason::kEdges: {
-      std::string sentence = std::to_string(refusal.edges.size()) +
-                             " edges are open, missing or shared by too many triangles";
+      std::string sentence =
+          std::to_string(refusal.edges.size()) +
+          " edges are open, missing, shared by too many triangles or run along the "
+          "wrong way";
       if (!refusal.edges.empty())
         sentence += ", the first from vertex " + std::to_string(refusal.edges[0][0]) + " to " +
                     std::to_string(refusal.edges[0][1]);

@@ -142,6 +142,15 @@ TEST_F(Square, lost_border_is_a_fault_unless_the_source_allows_it) {
   EXPECT_TRUE(topology.violations(result, never).empty());
 }
 
+TEST_F(Square, triangles_that_are_turned_over_are_a_fault_by_direction) {
+  EXPECT_TRUE(topology.violations(sub_mesh, never, true).empty());
+  const std::vector<Triangle> same{{0, 1, 2}, {0, 2, 3}}, one{{0, 1, 2}, {0, 3, 2}};
+  EXPECT_TRUE(topology.violations(same, always, true).empty());
+  EXPECT_TRUE(topology.violations(one, always).empty());
+  EXPECT_EQ(topology.violations(one, always, true).size(), 3u);
+  EXPECT_TRUE(topology.locked_edges().empty());
+}
+
 TEST_F(Square, four_triangles_on_one_edge_are_a_fault) {
   std::vector<Triangle> result = sub_mesh;
   result.insert(result.end(), {{0, 4, 1}, {0, 1, 4}});

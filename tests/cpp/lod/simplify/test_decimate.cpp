@@ -119,6 +119,29 @@ TEST(Decimator, that_breaks_the_border_is_not_used) {
   EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
 }
 
+TEST(Decimator, that_turns_triangles_over_is_not_used) {
+  const Mesh closed = shapes::blob(5, 4), open = shapes::grid(60, 60);
+  for (const Mesh* mesh : {&closed, &open})
+    for (const bool turns_all : {false, true}) {
+      std::atomic<size_t> told = 0;
+      const Dag dag = build(mesh->view(), testing::small_config(), {},
+                            [&](const DecimationInput& input, DecimationResult& result) {
+                              if (input.refused) {
+                                told += input.refused->reason == DecimationRefusal::Reason::kEdges;
+                                return false;
+                              }
+                              merge_edges(input, result);
+                              for (size_t i = 0; i < result.triangles.size(); ++i)
+                                if (turns_all || i % 9 == 0)
+                                  std::swap(result.triangles[i][0], result.triangles[i][1]);
+                              return true;
+                            });
+      EXPECT_GT(told, 5u);
+      const VerifyReport report = check(dag, *mesh);
+      EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
+    }
+}
+
 // It mends what it is told.
 TEST(Decimator, is_told_why_and_may_try_again) {
   using Reason = DecimationRefusal::Reason;
