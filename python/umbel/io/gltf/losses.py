@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from umbel.io.gltf.buffers import MESHOPT
 from umbel.io.gltf.properties import unknown_properties
 
 Json = dict[str, Any]
@@ -14,7 +15,7 @@ _TRIANGLES = (4, 5, 6)
 _PLAIN = {"POSITION", "NORMAL", "TANGENT", "COLOR_0", *(f"TEXCOORD_{k}" for k in range(8))}
 _UNSIGNED = (5121, 5123, 5125)
 _PLACES = {"TRANSLATION", "ROTATION", "SCALE"}
-_READ = {"KHR_draco_mesh_compression"}
+_READ = {"KHR_draco_mesh_compression", *MESHOPT}
 _SHOWN = 5  # names in a warning
 
 
@@ -41,11 +42,16 @@ def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[
         yield f"the instances' attributes {', '.join(sorted(of_instances, key=_natural))}"
     yield from _motion(root, [*meshes, *nodes], shown)
     bases = [m.get("pbrMetallicRoughness") or {} for m in root.get("materials") or []]
-    parts = [*shown, *meshes, *(root.get("skins") or []), *bases]
+    data = [e for table in ("accessors", "bufferViews", "buffers") for e in root.get(table) or []]
+    parts = [*shown, *meshes, *(root.get("skins") or []), *bases, *data]
     inside = {e for part in parts for e in part.get("extensions") or {}} - _READ
     if inside | extensions:
         yield ", ".join(sorted(inside | extensions))
-    for what, holders in (("primitives", shown), ("pbrMetallicRoughness", bases)):
+    for what, holders in (
+        ("primitives", shown),
+        ("pbrMetallicRoughness", bases),
+        ("accessors and buffers", data),
+    ):
         if any("extras" in holder for holder in holders):
             yield f"the extras of {what}"
     scenes = len(root.get("scenes") or [])

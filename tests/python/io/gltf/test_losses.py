@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,20 @@ def test_extras_and_extensions_of_primitives_meshes_and_colours(tmp_path: Path) 
     assert lost(tmp_path, b) == (
         "EXT_a, EXT_b; the extras of primitives; the extras of pbrMetallicRoughness"
     )
+
+
+@pytest.mark.parametrize("table", ["accessors", "bufferViews", "buffers"])
+def test_extras_and_extensions_of_data(tmp_path: Path, table: str) -> None:
+    b = GltfBuilder()
+    b.scene(b.node(mesh=b.tetra()))
+    root = json.loads(b.gltf())
+    root[table][0] |= {"extras": {"a": 1}, "extensions": {"EXT_a": {}}}
+    (tmp_path / "a.gltf").write_text(json.dumps(root))
+    says = "left out: EXT_a; the extras of accessors and buffers$"
+    with pytest.warns(LoadWarning, match=says):
+        load_scene(tmp_path / "a.gltf")
+    with pytest.warns(LoadWarning, match=says):
+        open_source(tmp_path / "a.gltf", tmp_path)
 
 
 def test_attributes_of_instances(tmp_path: Path) -> None:
