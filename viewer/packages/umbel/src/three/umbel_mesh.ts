@@ -116,7 +116,7 @@ export class UmbelMesh extends Object3D {
     this.budget = new MemoryBudget(stream, this.materials.textures, stream.budget);
     this.residents = new ResidentGroups(
       stream.info.meshes,
-      () => this.budget.geometry,
+      () => this.budget.buffers,
       (slots) => this.tint.reserve(slots),
       (arena) => {
         for (const instance of this.instances) instance.removeArena(arena);
@@ -233,8 +233,7 @@ export class UmbelMesh extends Object3D {
     if (!this.isFrozen)
       this.views.update({ camera, height, pixelError, offscreen }, this.matrixWorld);
     this.cullAndCount(camera);
-    // Edges may have been made or freed. In the middle of an update more is free than there will be.
-    if (this.updates.isEmpty) this.budget.setSlack(this.residents.slack);
+    this.budget.setEdges(this.residents.edgeRatio);
     const key = `${this.views.version} ${this.cutVersion}`;
     this.texelDemand.update(this.instances, camera, height, key, {
       measured: (texels) => this.materials.textures.setDemand(texels, renderer),
@@ -268,7 +267,8 @@ export class UmbelMesh extends Object3D {
       add: (group) => this.residents.add(group),
       finish: (update) => this.finish(update),
     });
-    if (!this.updates.isEmpty) this.onChange?.();
+    const hasMoved = this.residents.compact();
+    if (hasMoved || !this.updates.isEmpty) this.onChange?.();
     this.pauseIfBusy();
     if (count > 0 && this.tintFunction) this.paint();
   }
@@ -283,7 +283,6 @@ export class UmbelMesh extends Object3D {
   /** Of an update whose groups are uploaded. */
   private finish(update: StreamUpdate): void {
     for (const group of update.removed) this.residents.remove(group);
-    this.budget.setSlack(this.residents.slack);
     this.statistics = update.statistics;
     for (let i = 0; i < update.pages.length; i += 2) {
       const [page, state] = [update.pages[i] as number, update.pages[i + 1] as number];

@@ -2,7 +2,10 @@ import { expect, test } from "vitest";
 import type { RenderGroup } from "../../../../packages/umbel/src/pack/render_group.js";
 import type { MeshInfo } from "../../../../packages/umbel/src/stream/asset_info.js";
 import type { Arena } from "../../../../packages/umbel/src/three/geometry/arena.js";
-import { ResidentGroups } from "../../../../packages/umbel/src/three/geometry/resident_groups.js";
+import {
+  type ResidentGroup,
+  ResidentGroups,
+} from "../../../../packages/umbel/src/three/geometry/resident_groups.js";
 
 const MESH: MeshInfo = { low: [0, 0, 0], high: [1, 1, 1], levels: 1, attributes: [], skipped: [] };
 
@@ -69,19 +72,59 @@ test("edges are freed alone when they are no longer drawn", () => {
   const groups = residentsOf(1 << 20);
   groups.add(groupOf(0, 100));
   const arena = arenaOf(groups, 0);
-  const { slack } = groups;
+  expect(groups.edgeRatio).toBe(0);
   const edges = arena.lines();
   const freed: string[][] = [];
   edges.addEventListener("dispose", () => freed.push(Object.keys(edges.attributes)));
-  expect(groups.slack).toBe(slack + arena.edgeBytes);
   expect(arena.edgeBytes).toBeGreaterThan(0);
+  expect(groups.edgeRatio).toBe(arena.edgeBytes / arena.capacity);
   groups.removeLines();
   // three.js frees the attributes that a geometry has, and the triangles still have theirs.
   expect(freed).toEqual([[]]);
   expect(Object.keys(arena.geometry.attributes)).toContain("position");
-  expect(groups.slack).toBe(slack);
+  expect(groups.edgeRatio).toBe(0);
   const group = groups.get(0)?.group as RenderGroup;
   expect(arena.edgesOf(group)).toBeUndefined();
   expect(arena.lines()).not.toBe(edges);
   expect(arena.edgesOf(group)).toBeDefined();
+});
+
+test("groups move together when buffers are larger than the budget", () => {
+  let budget = 1 << 26;
+  const freed: Arena[] = [];
+  const groups = new ResidentGroups(
+    [{ ...MESH, attributes: ["uvs"] }],
+    () => budget,
+    () => {},
+    (arena) => freed.push(arena),
+  );
+  const uvsOf = (i: number) => Float32Array.from({ length: 2000 }, (_, at) => 2000 * i + at);
+  for (let i = 0; i < 400; ++i) {
+    const group = { ...groupOf(i, 1000), uvs: uvsOf(i) };
+    group.indices.forEach((_, at) => {
+      group.indices[at] = (at * 7 + i) % 1000;
+    });
+    groups.add(group);
+  }
+  expect(groups.compact()).toBe(false);
+  const left = [3, 150, 250, 390];
+  for (let i = 0; i < 400; ++i) if (!left.includes(i)) groups.remove(i);
+  const capacity = () => [...new Set(left.map((i) => arenaOf(groups, i)))];
+  expect(capacity().length).toBeGreaterThan(2);
+  budget = 1 << 20;
+  let steps = 0;
+  while (groups.compact()) expect(++steps).toBeLessThan(10);
+  expect(capacity().length).toBe(1);
+  expect(capacity()[0]?.capacity).toBeLessThanOrEqual(budget);
+  expect(freed.length).toBeGreaterThan(2);
+  for (const i of left) {
+    const { arena, allocation, group } = groups.byCluster.get(i) as ResidentGroup;
+    expect(arena.geometry.attributes.uv?.array.slice(2 * allocation.vertex).slice(0, 2000)).toEqual(
+      uvsOf(i),
+    );
+    expect(Array.from(allocation.indices.slice(0, 3), (at) => at - allocation.vertex)).toEqual(
+      [0, 7, 14].map((at) => (at + i) % 1000),
+    );
+    expect(group.positions.length).toBe(0);
+  }
 });

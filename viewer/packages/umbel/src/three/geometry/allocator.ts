@@ -25,6 +25,11 @@ export class Allocator {
     return start;
   }
 
+  /** Whether `allocate` would find a range. */
+  fits(count: number): boolean {
+    return this.sizes.some((size) => size >= count);
+  }
+
   free(start: number, count: number): void {
     if (count === 0) return;
     let i = this.starts.findIndex((other) => other > start);

@@ -131,6 +131,33 @@ export class Arena {
     return allocation;
   }
 
+  get allocations(): Iterable<[RenderGroup, Allocation]> {
+    return this.contents.entries();
+  }
+
+  /** Whether it has room for as much as another arena's allocation. */
+  fits({ vertexCount, indices }: Allocation): boolean {
+    return this.vertices.fits(vertexCount) && this.indices.fits(indices.length);
+  }
+
+  /** Gives a group copies of its arrays, to put it elsewhere. */
+  fill(group: RenderGroup): void {
+    const { vertex, vertexCount, indices } = this.contents.get(group) as Allocation;
+    const { layout } = this;
+    const values = <Values extends Float32Array | Int16Array | Uint16Array>(name: string) => {
+      const { array, itemSize } = this.geometry.getAttribute(name);
+      return array.slice(itemSize * vertex, itemSize * (vertex + vertexCount)) as Values;
+    };
+    group.positions = values("position");
+    group.indices = indices.map((i) => i - vertex);
+    if (layout.normals) group.normals = values("normal");
+    if (layout.tangents) group.tangents = values("tangent");
+    UV_SETS.forEach((name, set) => {
+      if (layout.uvs[set]) group[name] = values(uvName(set));
+    });
+    if (layout.colors) group.colors = values("color");
+  }
+
   remove(group: RenderGroup): void {
     const allocation = this.contents.get(group);
     if (!allocation) return;

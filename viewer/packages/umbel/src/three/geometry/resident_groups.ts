@@ -20,6 +20,10 @@ const MAX_SLOTS = 1 << 22;
 /** Vertices from which the ratio of triangles to vertices is known, and the factor on it. */
 const LEARNED = 1 << 15;
 const ROOM = 1.1;
+/** Bytes that a frame moves between buffers, about. */
+const MAX_MOVED_BYTES = 1 << 20;
+/** Share of a larger arena that is used at least, while buffers exceed the budget. */
+const LEAST_FILL = 0.25;
 /** Least and most vertices of an arena. */
 const VERTICES = { low: 1 << 14, high: 1 << 17 };
 
@@ -35,6 +39,8 @@ export class ResidentGroups {
   /** Of all groups so far: their ratio tells how large arenas' parts are best. */
   private vertices = 0;
   private triangles = 0;
+  /** The budget for which no group can be moved, until others come or go. */
+  private compactFor: number | undefined;
 
   /**
    * @param budget of geometry, in bytes
@@ -50,17 +56,15 @@ export class ResidentGroups {
     this.layouts = meshes.map(({ attributes }) => layoutOf(attributes));
   }
 
-  /**
-   * Bytes of buffers that no group uses, without the emptiest buffer, which is being filled; and those
-   * of edges, which are not counted for groups.
-   */
-  get slack(): number {
-    let [bytes, most] = [0, 0];
-    for (const { capacity, used, edgeBytes } of this.arenas) {
-      bytes += capacity - used + edgeBytes;
-      most = Math.max(most, capacity - used);
-    }
-    return bytes - most;
+  /** Bytes of all buffers without edges. */
+  private get capacity(): number {
+    return [...this.arenas].reduce((sum, { capacity }) => sum + capacity, 0);
+  }
+
+  /** Bytes of edges, which are not counted for groups, for each byte of other buffers. */
+  get edgeRatio(): number {
+    const bytes = [...this.arenas].reduce((sum, { edgeBytes }) => sum + edgeBytes, 0);
+    return bytes / Math.max(this.capacity, 1);
   }
 
   get(group: number): ResidentGroup | undefined {
@@ -70,6 +74,7 @@ export class ResidentGroups {
   /** Does nothing where the group is there. */
   add(group: RenderGroup): void {
     if (this.groups.has(group.group)) return;
+    this.compactFor = undefined;
     this.vertices += group.positions.length / 3;
     this.triangles += group.indices.length / 3;
     const slot = this.slots.allocate(group.clusterCount);
@@ -77,7 +82,6 @@ export class ResidentGroups {
     let [arena, allocation] = this.allocate(group, slot);
     if (!allocation) {
       arena = this.newArena(group);
-      this.arenas.add(arena);
       allocation = arena.put(group, slot);
     }
     const box = new Box3();
@@ -95,10 +99,13 @@ export class ResidentGroups {
     const different = this.layouts.filter(
       (other, i) => this.layouts.findIndex((first) => isSameLayout(first, other)) === i,
     );
-    const vertices = Math.floor(this.budget() / different.length / mostBytesPerVertex(layout));
+    const bytes = Math.min(this.budget() / different.length, this.budget() - this.capacity);
+    const vertices = Math.floor(bytes / mostBytesPerVertex(layout));
     const room = Math.min(Math.max(vertices, VERTICES.low), VERTICES.high);
     const ratio = (ROOM * this.triangles) / Math.max(this.vertices, 1);
-    return new Arena(layout, group, room, this.vertices > LEARNED ? ratio : undefined);
+    const arena = new Arena(layout, group, room, this.vertices > LEARNED ? ratio : undefined);
+    this.arenas.add(arena);
+    return arena;
   }
 
   private allocate(group: RenderGroup, slot: number): [Arena?, Allocation?] {
@@ -114,15 +121,57 @@ export class ResidentGroups {
   remove(group: number): void {
     const resident = this.groups.get(group);
     if (!resident) return;
+    this.compactFor = undefined;
     this.groups.delete(group);
     const { firstCluster, clusterCount } = resident.group;
     for (let i = 0; i < clusterCount; ++i) this.byCluster.delete(firstCluster + i);
     this.slots.free(resident.allocation.slot, resident.group.clusterCount);
-    resident.arena.remove(resident.group);
-    if (!resident.arena.isEmpty) return;
-    this.onArenaRemoved(resident.arena);
-    this.arenas.delete(resident.arena);
-    resident.arena.dispose();
+    this.removeFrom(resident.arena, resident.group);
+  }
+
+  private removeFrom(arena: Arena, group: RenderGroup): void {
+    arena.remove(group);
+    if (!arena.isEmpty) return;
+    this.onArenaRemoved(arena);
+    this.arenas.delete(arena);
+    arena.dispose();
+  }
+
+  /**
+   * While all buffers are larger than the budget: moves some groups to fuller ones, to free the emptier
+   * ones, and out of those that are too large. Returns whether it moved any.
+   */
+  compact(): boolean {
+    const budget = this.budget();
+    if (this.compactFor === budget || this.capacity <= budget) return false;
+    const isTooLarge = ({ capacity, used, room }: Arena) =>
+      capacity > budget || (room > VERTICES.low && used < LEAST_FILL * capacity);
+    const arenas = [...this.arenas].sort((a, b) => a.used - b.used);
+    for (const from of [...arenas.filter(isTooLarge), ...arenas.filter((a) => !isTooLarge(a))]) {
+      const accepts = (to: Arena) =>
+        to !== from && !isTooLarge(to) && (isTooLarge(from) || to.used >= from.used);
+      if (this.moveFrom(from, accepts, isTooLarge(from))) return true;
+    }
+    this.compactFor = budget;
+    return false;
+  }
+
+  /** Moves some groups of a buffer; `toNew`: into new ones where they fit into no other. */
+  private moveFrom(from: Arena, accepts: (to: Arena) => boolean, toNew: boolean): boolean {
+    const before = from.used;
+    for (const [group, allocation] of [...from.allocations]) {
+      const other = [...this.arenas].find(
+        (to) => accepts(to) && isSameLayout(to.layout, from.layout) && to.fits(allocation),
+      );
+      if (!other && !toNew) continue;
+      from.fill(group);
+      const arena = other ?? this.newArena(group);
+      const moved = { arena, allocation: arena.put(group, allocation.slot) };
+      Object.assign(this.groups.get(group.group) as ResidentGroup, moved);
+      this.removeFrom(from, group);
+      if (before - from.used > MAX_MOVED_BYTES) break;
+    }
+    return from.used < before;
   }
 
   /** Frees the edges of all arenas. */
