@@ -11,7 +11,13 @@ from typing import Any
 
 from umbel.errors import Error, warn_lost
 from umbel.geometry.mesh import Material
-from umbel.io.gltf.materials import extensions_in, read_material, write_material
+from umbel.io.gltf.materials import (
+    CLAMPED,
+    extensions_in,
+    is_clamped,
+    read_material,
+    write_material,
+)
 from umbel.io.gltf.textures import Source, TextureReader, TextureTable
 from umbel.io.textures.images import TextureImage, beside, mime_type
 from umbel.io.textures.levels import add_levels
@@ -74,6 +80,8 @@ def write_materials(
     stored = files.files
     if textures == "embed":
         stored = add_levels(root["images"], files.files, files.slots, threads)
+    if any(map(is_clamped, materials)):
+        warn_lost("the asset was written without", [CLAMPED])
     if files.lost:
         warn_lost("the asset has not all textures", list(files.lost))
     used = sorted(extensions_in(root))

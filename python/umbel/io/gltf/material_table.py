@@ -10,7 +10,7 @@ import numpy as np
 from umbel.errors import Error
 from umbel.geometry.mesh import Material
 from umbel.io.gltf.arrays import Json
-from umbel.io.gltf.materials import texture_sets, write_material
+from umbel.io.gltf.materials import CLAMPED, is_clamped, texture_sets, write_material
 from umbel.io.gltf.textures import TextureTable
 from umbel.io.textures.images import TextureImage, decode, mime_type
 from umbel.io.textures.packed import packed
@@ -21,7 +21,7 @@ class MaterialTable:
     lose a texture because a mesh lacks its UVs.
 
     keep: takes an image's bytes and MIME type, and gives the JSON that says where they are.
-    lost: gets a sentence for each image that cannot be read.
+    lost: gets a sentence for each image that cannot be read, and one for factors that glTF forbids.
     """
 
     def __init__(
@@ -33,6 +33,7 @@ class MaterialTable:
         self._fewer: dict[tuple[int, int], int] = {}
 
     def write(self) -> None:
+        self.lost += [CLAMPED] if any(map(is_clamped, self.materials)) else []
         for k, material in enumerate(self.materials):
             self.materials[k], lost = packed(material)
             self.lost += lost

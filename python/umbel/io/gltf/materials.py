@@ -157,6 +157,17 @@ def extensions_in(value: Any) -> set[str]:
     return names.union(*(extensions_in(v) for k, v in value.items() if k != "extras"))
 
 
+#: What `write_material` does to values that glTF forbids, in words.
+CLAMPED = "factors of materials outside 0 to 1, which become 0 or 1"
+_ROUNDING = 1e-6
+
+
+def is_clamped(material: Material) -> bool:
+    """Whether `write_material` changes factors, by more than their rounding."""
+    factors = (*material.base_color, material.metallic, material.roughness)
+    return min(*factors, *material.emissive) < -_ROUNDING or max(factors) > 1 + _ROUNDING
+
+
 def _unit(value: float) -> float:
     return min(max(float(value), 0.0), 1.0)
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -11,8 +14,9 @@ from helpers.gltf_builder import INDICES, GltfBuilder, one, read
 from helpers.gltf_files import json_of
 from helpers.mesh_files import (
     TETRA_POSITIONS,
+    TETRA_TRIANGLES,
 )
-from umbel import Asset, build_lod
+from umbel import Asset, Material, Mesh, build_lod
 from umbel.errors import LoadWarning
 from umbel.io import load, save
 
@@ -117,3 +121,29 @@ def test_textures_of_unknown_extensions_are_found_by_their_indices(tmp_path: Pat
     assert written["ACME_layers"]["layers"][1]["x"] == 5
     assert written["ACME_layers"]["layers"][2] == {}
     assert written["ACME_layers"]["values"]["u_paint"]["index"] == numbers[0]
+
+
+@pytest.mark.parametrize(
+    ("factors", "changes"),
+    [
+        ({"base_color": (255, 0, 0, 1)}, True),
+        ({"roughness": -0.5}, True),
+        ({"emissive": (-1, 0, 0)}, True),
+        ({"emissive": (9, 0, 0), "base_color": (1.0000001, 0, 0, 1)}, False),
+    ],
+)
+def test_factors_that_gltf_forbids_are_changed_with_a_warning(
+    tmp_path: Path, factors: dict[str, Any], changes: bool
+) -> None:
+    mesh = Mesh(
+        TETRA_POSITIONS,
+        TETRA_TRIANGLES,
+        material_ids=np.zeros(4, np.uint32),
+        materials=[Material("m", **factors)],
+    )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        save(tmp_path / "a.glb", mesh)
+        build_lod(mesh).save(tmp_path / "a.umbel")
+    says = "written without: factors of materials outside 0 to 1, which become 0 or 1"
+    assert [str(w.message).endswith(says) for w in caught] == [True, True] * changes
