@@ -52,7 +52,7 @@ class Source:
             )
         self.turn = Y_TO_Z if axis_up(asset, up) == "y" else np.eye(3)
         self.materials = asset.materials
-        self._has_joints = False  # what has been read
+        self._has_joints = self._has_bright_colors = False  # what has been read
         #: Of each instance its mesh, and the (3, 4) matrix from that to tiles.
         self.meshes, self._rows = _instances_of(asset)
         self.turned = self.turn @ self._rows.astype(np.float64)
@@ -126,6 +126,8 @@ class Source:
     def _read(self, mesh: int, found: _umbel.FoundCut) -> Mesh:
         made = self.asset._mesh([], mesh, self.materials, found)
         self._has_joints |= made.joints is not None
+        if made.colors is not None and not ((made.colors >= 0) & (made.colors <= 1)).all():
+            self._has_bright_colors = True
         made.origin = np.zeros(3)
         return made
 
@@ -165,10 +167,12 @@ class Source:
         return Piece.of(mesh).turned(self.turn)
 
     def losses(self) -> list[str]:
-        """What of the asset no export holds, in words; of joints, when all has been read."""
+        """What of the asset no export holds, in words; of vertices, when all has been read."""
         tree = self.asset.scene
         nodes = tree.get("nodes", [])
         lost = ["joints and weights"] if self._has_joints else []
+        if self._has_bright_colors:
+            lost.append("colours outside 0 to 1, which become 0 or 1")
         if any(set(node) - WHERE for node in nodes):
             lost.append("names, extras and extensions of nodes")
         lost += camera_and_light_losses(tree)

@@ -44,6 +44,15 @@ def test_what_is_left_out_is_named(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", FORMATS)
+def test_colours_that_are_too_bright_are_named(tmp_path: Path, kind: str) -> None:
+    mesh = umbel.Mesh(TETRA_POSITIONS, INDICES.reshape(-1, 3).astype(np.uint32))
+    mesh.colors = np.full((4, 4), 1.5, np.float32)
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel")
+    with pytest.warns(LoadWarning, match="without: colours outside 0 to 1, which become 0 or 1"):
+        export(kind, tmp_path / "a.umbel", tmp_path)
+
+
+@pytest.mark.parametrize("kind", FORMATS)
 def test_where_meshes_are_is_no_loss(
     tmp_path: Path, kind: str, recwarn: pytest.WarningsRecorder
 ) -> None:
