@@ -81,6 +81,16 @@ def test_no_input_of_one_mesh_is_left_out(
         assert done.status == 1 and "needs all of its inputs" in done.err
 
 
+def test_addresses_are_written_on_clusters_only(
+    umbel_command: Umbel, hill: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for flags in (("-o", "memory://a.umbel"), ("-o", "a.umbel", "--work", "memory://work")):
+        done = umbel_command("build", hill, *flags, *UNIT)
+        assert done.status == 1 and "only --ray and --dask write to addresses" in done.err
+    assert os.listdir(tmp_path) == ["hill.ply"]
+
+
 def test_inputs_without_a_limit_are_assets_of_their_own(
     umbel_command: Umbel, hill: Path, tmp_path: Path
 ) -> None:

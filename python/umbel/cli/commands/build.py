@@ -176,6 +176,7 @@ def command(
     With --json and several inputs, one object a file is printed, each on a line."""
     from umbel.cli.building.build_file import Limits, Options
     from umbel.cli.building.jobs import is_many
+    from umbel.io.addresses import is_address
 
     options = Options(
         max_triangles=max_triangles,
@@ -218,6 +219,9 @@ def command(
             inputs, output, options, limits, (ray, dask), skip_unchanged, as_json, threads
         )
         return
+    for flag, name in (("-o", output), ("--work", work or "")):
+        if is_address(name):
+            fail(f"{flag} {name}: only --ray and --dask write to addresses; name a path")
     if not is_many(inputs, output) or (is_limited and is_one_asset):
         from umbel.cli.building.jobs import files_of
 
