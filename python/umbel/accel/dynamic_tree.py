@@ -71,7 +71,8 @@ class DynamicTree:
 
     def quality(self) -> Refit:
         """The cost of the tree now, with one box a leaf, and when it was built, and whether a new
-        build would pay: from 1.5 times that on."""
+        build would pay: from 1.5 times that on. A tree that began empty was not built, and is not
+        advised, before its first `rebuild`."""
         return Refit(*self._native.quality())
 
     def overlaps_box(self, low: ArrayLike, high: ArrayLike) -> NDArray[np.uint32]:
