@@ -139,11 +139,21 @@ def _shading_of(asset: Asset) -> Shading:
         Mesh(
             np.zeros((0, 3), np.float32),
             np.zeros((0, 3), np.uint32),
-            uvs=np.zeros((0, 2), np.float32) if asset.info["uvs"] else None,
+            uvs=np.zeros((0, 2), np.float32) if _has_uvs(asset) else None,
             uv_sets=[np.zeros((0, 2), np.float32)] * _MOST_UV_SETS,
             material_ids=np.zeros(0, np.uint32),
             materials=asset.materials,
         )
+    )
+
+
+def _has_uvs(asset: Asset) -> bool:
+    """Whether any mesh has some. Nothing is read where no material needs them."""
+    if not any(material.images for material in asset.materials):
+        return False
+    return any(
+        mesh["clusters"] and asset.cluster(0, index).uvs is not None
+        for index, mesh in enumerate(asset.meshes)
     )
 
 

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import umbel
 from helpers.commands import Umbel
 from umbel.bench import stream as bench
+from umbel.io.textures.images import TextureImage
 from umbel.trace.cut_renderer import CutRenderer
 
 
@@ -124,6 +126,27 @@ def test_materials_may_be_hidden(umbel_command: Umbel, tmp_path: Path) -> None:
     options = ["-o", tmp_path / "o.png", "--width", 24, "--height", 16, "--spp", 1, "--json"]
     said = umbel_command("render", path, *options, "--budget", "8MB", "--hide", "shell").json
     assert 0 < said["triangles"] <= shown[("sh*",)]
+
+
+def test_textures_stay_where_other_meshes_have_no_uvs(tmp_path: Path) -> None:
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(tmp_path / "red.png")
+    painted = umbel.Material(
+        "painted", images={"base_color": TextureImage(path=tmp_path / "red.png")}
+    )
+    lods = []
+    for number in range(2):
+        mesh = umbel.shapes.blob(4, seed=1)
+        mesh.uvs = np.zeros((len(mesh.positions), 2), np.float32) if number else None
+        mesh.materials = [umbel.Material("grey", base_color=(0.5, 0.5, 0.5, 1)), painted]
+        mesh.material_ids = np.full(len(mesh.triangles), number, np.uint32)
+        lods.append(umbel.build_lod(mesh))
+    aside = np.eye(4)
+    aside[0, 3] = 6
+    umbel.save_asset(tmp_path / "a.umbel", lods, [(0, np.eye(4)), (1, aside)])
+    view = umbel.Camera((6, 0, 8), target=(6, 0, 0), height=12, pixel_error=1.0)
+    renderer = CutRenderer(umbel.Asset(tmp_path / "a.umbel"), view, 64_000_000)
+    albedo, _ = renderer.film(view, width=12, height=12).features(4)
+    assert albedo[6, 6] == pytest.approx((1, 0, 0))
 
 
 def test_the_command_keeps_to_the_budget(umbel_command: Umbel, herd: Path, tmp_path: Path) -> None:
