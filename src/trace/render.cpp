@@ -27,7 +27,8 @@ void check(const Settings& s) {
           "max_bounces is " + std::to_string(s.max_bounces) + ", but must be at most 1024");
   require(s.shadow_samples <= 2,
           "shadow_samples is " + std::to_string(s.shadow_samples) + ", but must be 0, 1 or 2");
-  require(s.clamp >= 0.0f && std::isfinite(s.clamp), "clamp must be 0 or more");
+  require(s.clamp >= 0.0f && std::isfinite(s.clamp),
+          "clamp is " + std::to_string(s.clamp) + ", but must be 0 or more and finite");
 }
 
 void check(const Film& film, const Settings& s) {

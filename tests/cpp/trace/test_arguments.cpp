@@ -105,6 +105,8 @@ TEST(TraceArguments, settings_and_cameras_out_of_range_are_refused) {
   refused([](Settings& s, Camera&) { s.max_bounces = 5000; }, "max_bounces");
   refused([](Settings& s, Camera&) { s.shadow_samples = 3; }, "shadow_samples");
   refused([](Settings& s, Camera&) { s.clamp = -1.0f; }, "clamp");
+  refused([](Settings& s, Camera&) { s.clamp = std::numeric_limits<float>::infinity(); },
+          "clamp is inf");
   refused([](Settings&, Camera& c) { c.target = c.position; }, "target");
   refused([](Settings&, Camera& c) { c.fov_y = 4.0f; }, "field of view");
   refused([](Settings&, Camera& c) { c.position.x = NAN; }, "finite");
