@@ -52,6 +52,13 @@ class _Writer:
         self.materials = MaterialTable(self._keep_image, scene.materials, self.lost)
         tree = scene.tree
         check_tree(tree, scene.name or "the scene")
+        for number, instance in enumerate(scene.instances):
+            if not 0 <= instance.mesh < len(scene.meshes):
+                raise Error(
+                    f"instance {number} is of mesh {instance.mesh}, there are {len(scene.meshes)}"
+                )
+            if not np.isfinite(instance.transform).all():
+                raise Error(f"instance {number} has a transform that is not finite")
         self.nodes: list[Json] = [_node(node) for node in tree.get("nodes", [])]
         self.every = worlds(self.nodes)
         self.entry: Json = copy.deepcopy((tree.get("scenes") or [{}])[0])
@@ -63,6 +70,8 @@ class _Writer:
     def root(self) -> tuple[Json, list[str]]:
         """The file's JSON, and what is lost."""
         used = {instance.mesh for instance in self.scene.instances}
+        if len(used) < len(self.scene.meshes):
+            self.lost.append("meshes without an instance")
         if any(self.scene.meshes[k].material_ids is not None for k in used):
             self.materials.write()
         for instance in self.scene.instances:

@@ -18,6 +18,7 @@ from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES, corners
 from umbel.io.gltf.attach import same_matrix
 from umbel.io.gltf.reader import read_root
 from umbel.io.gltf.tree import worlds
+from umbel.io.scene import Instance, Scene
 
 INDICES = TETRA_TRIANGLES.reshape(-1).astype(np.uint16)
 
@@ -417,3 +418,24 @@ def test_missing_tangents_follow_the_uvs(tmp_path: Path) -> None:
     mesh = read(tmp_path, one(*primitives, builder=b))
     assert np.allclose(mesh.tangents[4:8], tangents)
     assert np.allclose(mesh.tangents[8:], [0, -1, 0, -1])
+
+
+def test_meshes_without_an_instance_are_named(tmp_path: Path) -> None:
+    meshes = [umbel.shapes.grid(1, 1), umbel.shapes.grid(2, 2)]
+    with pytest.warns(umbel.LoadWarning, match="written without: meshes without an instance"):
+        umbel.save(tmp_path / "a.glb", Scene(meshes, instances=[Instance(1)]))
+    assert len(json_of(tmp_path / "a.glb")["meshes"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("instance", "says"),
+    [
+        (Instance(1), "instance 0 is of mesh 1, there are 1"),
+        (Instance(0, np.full((4, 4), np.nan)), "instance 0 has a transform that is not fin"),
+    ],
+)
+def test_instances_that_are_none_are_named(tmp_path: Path, instance: Instance, says: str) -> None:
+    scene = Scene([umbel.shapes.grid(1, 1)], instances=[instance])
+    with pytest.raises(umbel.Error, match=f"cannot write .*a.glb: {says}"):
+        umbel.save(tmp_path / "a.glb", scene)
+    assert not list(tmp_path.iterdir())
