@@ -77,6 +77,17 @@ test("what is not shown is listed once in the panel", async ({ page, host }) => 
   await expect(page.getByText("Not shown")).toBeHidden();
 });
 
+test("the transcoder is asked for again until it arrives", async ({ page, host }) => {
+  let failures = 3;
+  await page.route(/basis_transcoder/, (route) =>
+    failures-- > 0 ? route.abort() : route.continue(),
+  );
+  await page.goto(`${host.url}/?asset=materials.umbel#pixels=1`);
+  await expect(page.locator(".notes")).toContainText("Textures are late");
+  await settled(page);
+  await expect(page.locator(".notes")).not.toContainText("Textures are late");
+});
+
 test("the transcoder is loaded only where an asset has KTX2", async ({ page, host }) => {
   const asked: string[] = [];
   page.on("request", (request) => asked.push(request.url()));

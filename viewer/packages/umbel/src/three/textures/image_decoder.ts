@@ -9,10 +9,13 @@ import {
   type WebGLRenderer,
 } from "three";
 import type { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
+import { UmbelError } from "../../errors.js";
 
 /** An image that the browser decoded, or one of the transcoder, with its mip levels. */
 export type DecodedImage = ImageBitmap | Texture;
 
+/** Milliseconds for the transcoding of an image, at most. */
+const PATIENCE = 30_000;
 const KTX2 = [0xab, 0x4b, 0x54, 0x58, 0x20, 0x32, 0x30, 0xbb, 0x0d, 0x0a, 0x1a, 0x0a];
 const OPTIONS = { colorSpaceConversion: "none", premultiplyAlpha: "none" } as const;
 
@@ -26,24 +29,50 @@ export class ImageDecoder {
   async decode(bytes: Uint8Array, renderer: WebGLRenderer): Promise<DecodedImage> {
     if (KTX2.every((byte, i) => bytes[i] === byte)) {
       this.ktx2 ??= this.loadKtx2(renderer);
-      const loader = await this.ktx2;
-      const buffer = bytes.slice().buffer;
-      return new Promise((resolve, reject) => {
-        loader.parse(buffer, resolve, reject);
-      });
+      return transcoded(await this.ktx2, bytes.slice().buffer);
     }
     // The browser finds the kind by the first bytes, except for SVG, which glTF does not allow.
     return createImageBitmap(new Blob([bytes as Uint8Array<ArrayBuffer>]), OPTIONS);
   }
 
   private async loadKtx2(renderer: WebGLRenderer): Promise<KTX2Loader> {
-    const { KTX2Loader } = await import("three/addons/loaders/KTX2Loader.js");
-    return new KTX2Loader().setTranscoderPath(this.basisPath).detectSupport(renderer);
+    try {
+      const { KTX2Loader } = await import("three/addons/loaders/KTX2Loader.js");
+      const loader = new KTX2Loader().setTranscoderPath(this.basisPath).detectSupport(renderer);
+      await loader.init();
+      return loader;
+    } catch {
+      // The next image tries again.
+      this.ktx2 = undefined;
+      throw new UmbelError("network", "The transcoder of textures could not be loaded.");
+    }
   }
 
   dispose(): void {
-    void this.ktx2?.then((loader) => loader.dispose());
+    this.ktx2?.then(
+      (loader) => loader.dispose(),
+      () => {},
+    );
   }
+}
+
+/** Rejects, too, if the transcoder does not answer: three.js does not tell where its worker fails. */
+function transcoded(loader: KTX2Loader, bytes: ArrayBuffer): Promise<Texture> {
+  return new Promise((resolve, reject) => {
+    const timer = setTimeout(() => reject(new Error("the transcoder does not answer")), PATIENCE);
+    const end = () => clearTimeout(timer);
+    loader.parse(
+      bytes,
+      (texture) => {
+        end();
+        resolve(texture);
+      },
+      (error) => {
+        end();
+        reject(error);
+      },
+    );
+  });
 }
 
 /** Width and height, in texels. */
