@@ -3,7 +3,7 @@
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { type BrowserContext, test as base, expect, type Page } from "@playwright/test";
-import type { Box3 } from "three";
+import type { Box3, WebGLRenderer } from "three";
 import type { AssetInfo } from "../../packages/umbel/src/stream/asset_info.js";
 import type { StreamStatistics } from "../../packages/umbel/src/stream/stream_update.js";
 import { ASSETS, ROOT } from "../support/assets.js";
@@ -29,6 +29,7 @@ interface PageViewer {
       shownBox(): Box3;
     }[];
     height: number;
+    renderer: WebGLRenderer;
     camera: {
       pose: Pose;
       perspective: { getEffectiveFOV(): number };

@@ -169,6 +169,21 @@ test("every view mode shows another picture", async ({ page, host }) => {
   expect(colors.clusters).toBeGreaterThan(3 * colors.shaded);
 });
 
+test("boxes of the overlap mode take the memory of one box", async ({ page, host }) => {
+  await page.goto(`${host.url}${PLANET}#pixels=6&mode=overlap`);
+  const geometries: number[] = [];
+  for (const pixels of [6, 8, 12, 16]) {
+    await slide(page, "#pixels", Math.log(pixels / 0.25) / Math.log(256));
+    await settled(page);
+    geometries.push(
+      await page.evaluate(
+        () => globalThis.umbelViewer?.viewport.renderer.info.memory.geometries as number,
+      ),
+    );
+  }
+  expect(new Set(geometries).size).toBe(1);
+});
+
 test("pictures equal the stored ones", async ({ page, host }) => {
   // With little error, so that the pictures do not depend on the simplification.
   await page.setViewportSize({ width: 300, height: 240 });

@@ -11,7 +11,15 @@ import {
 } from "three";
 import type { UmbelMesh } from "umbel/three";
 
-const OPACITY = 0.05;
+const GEOMETRY = new BoxGeometry(1, 1, 1);
+const MATERIAL = new MeshBasicMaterial({
+  color: 0xf28c3a,
+  transparent: true,
+  opacity: 0.05,
+  depthTest: false,
+  depthWrite: false,
+  blending: NormalBlending,
+});
 
 export class ClusterBoxes {
   private boxes: InstancedMesh | undefined;
@@ -47,15 +55,7 @@ export class ClusterBoxes {
 
 function makeBoxes(mesh: UmbelMesh): InstancedMesh {
   const clusters = [...mesh.clusters()];
-  const material = new MeshBasicMaterial({
-    color: 0xf28c3a,
-    transparent: true,
-    opacity: OPACITY,
-    depthTest: false,
-    depthWrite: false,
-    blending: NormalBlending,
-  });
-  const boxes = new InstancedMesh(new BoxGeometry(1, 1, 1), material, Math.max(clusters.length, 1));
+  const boxes = new InstancedMesh(GEOMETRY, MATERIAL, Math.max(clusters.length, 1));
   boxes.count = clusters.length;
   boxes.frustumCulled = false;
   const [size, center, matrix] = [new Vector3(), new Vector3(), new Matrix4()];
