@@ -1,4 +1,4 @@
-"""What commands measure besides what the library says: memory, files, tables."""
+"""What commands measure besides what the library says: files, tables."""
 
 from __future__ import annotations
 
@@ -9,34 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from umbel.lod.tables import Tables
-
-
-def peak_rss_bytes() -> int:
-    """The most memory that this process has had resident."""
-    # Linux counts what a process had before exec() in ru_maxrss, but not in VmHWM.
-    status = Path("/proc/self/status")
-    if status.is_file():
-        for line in status.read_text().splitlines():
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024
-    import resource
-
-    return _max_rss(resource.RUSAGE_SELF)
-
-
-def worker_peak_rss_bytes() -> int:
-    """The most that any one of the processes had that this one started and that have ended."""
-    import resource
-
-    return _max_rss(resource.RUSAGE_CHILDREN)
-
-
-def _max_rss(who: int) -> int:
-    import resource
-    import sys
-
-    peak = resource.getrusage(who).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024
 
 
 def sha256_of(path: str | Path) -> str:

@@ -266,6 +266,7 @@ def build_with(
         _warn_of_rounding(opened, finished, place.said)
         finished["report"]["input_vertices"] = opened.vertices
         del opened
+        peaks = [path.read_bytes() for path in folder_path.glob("t*/unit/*.peak")]
         stored = {}
         if place.output_url:
             stored["sha256"] = sha256_of(made)
@@ -304,6 +305,7 @@ def build_with(
         "triangles_all_levels": finished["triangles"],
         "file_bytes": finished["bytes"],
         "workers": count,
+        "worker_peak_rss_bytes": max((int(peak) for peak in peaks if peak.isdigit()), default=0),
         "unit_triangles": unit_triangles or 4 << 20,
         **stored,
         **({"units": feed.units, "tasks": feed.measured} if feed else {}),

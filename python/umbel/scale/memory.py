@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import sys
 from pathlib import Path
 
 from umbel.errors import Error
@@ -108,3 +109,17 @@ def _left_in_group() -> int | None:
                 break
             folder = folder.parent
     return max(0, min(left)) if left else None
+
+
+def peak_rss_bytes() -> int:
+    """The most memory that this process has had resident."""
+    # Linux counts what a process had before exec() in ru_maxrss, but not in VmHWM.
+    status = Path("/proc/self/status")
+    if status.is_file():
+        for line in status.read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) << 10
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak << 10

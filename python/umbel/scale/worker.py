@@ -3,7 +3,9 @@ number of the error's kind."""
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from pathlib import Path
 
 _CODES = ("invalid_argument", "invalid_mesh", "io", "corrupt", "unsupported", "cancelled", "device")
 _IO, _UNSUPPORTED = _CODES.index("io"), _CODES.index("unsupported")
@@ -13,11 +15,15 @@ def main(arguments: list[str]) -> int:
     """Threads, work folder, tier, unit."""
     from umbel import _umbel
     from umbel.errors import Error
+    from umbel.scale.memory import peak_rss_bytes
 
     threads, work, tier, unit = arguments
     try:
         _umbel.begin_worker()
         _umbel.run_task(work, 0, int(tier), int(unit), 0, int(threads))
+        with contextlib.suppress(OSError):  # a full disk may have no room for it
+            peak = Path(work, f"t{tier}", "unit", f"u{int(unit):06d}.peak")
+            peak.write_text(str(peak_rss_bytes()))
         return 0
     except Error as error:
         code = _CODES.index(error.code) if error.code in _CODES else _UNSUPPORTED

@@ -146,3 +146,13 @@ def test_flags_that_units_do_not_have_are_named(
     done = umbel_command("build", hill, "-o", output, "--resume", "--precision", "16bits")
     assert done.status == 1
     assert "begun unit by unit, where --precision is not possible" in done.err
+
+
+def test_peak_memory_of_workers_is_their_own(built: Built, hill: Path, tmp_path: Path) -> None:
+    """They begin as copies of the process that starts them, which does not count."""
+    ballast = np.ones(50_000_000)
+    api = umbel.build_asset(hill, tmp_path / "a.umbel", unit_triangles=1000, workers=2)
+    assert 5e6 < api["worker_peak_rss_bytes"] < ballast.nbytes / 2
+    report = built(hill, "-o", tmp_path / "b.umbel", *UNIT)
+    assert "worker_peak_rss_bytes" not in report
+    assert report["peak_rss_bytes"] > report["workers"] * 5e6

@@ -199,9 +199,10 @@ def build_units(
 ) -> dict[str, Any]:
     """As `build_file`, of one file or of several as one mesh, unit by unit; on other machines where
     there is an executor. Output and sources may then be addresses, and sources patterns."""
-    from umbel.cli.measure import peak_rss_bytes, sha256_of, worker_peak_rss_bytes
+    from umbel.cli.measure import sha256_of
     from umbel.cli.run import say
     from umbel.scale.build_asset import build_asset
+    from umbel.scale.memory import peak_rss_bytes
     from umbel.scale.storage import as_path, expand
 
     files = list(dict.fromkeys(expand(sources)))  # patterns may name one twice
@@ -229,7 +230,7 @@ def build_units(
         if work is not None and (work / "manifest.json").exists():
             say(f"what is done stays in {work}; the same command with --resume goes on with it")
         raise
-    workers = 0 if executor else built["workers"] * worker_peak_rss_bytes()
+    workers = built["workers"] * built.pop("worker_peak_rss_bytes")
     return {
         "input": named,
         "output": output,
@@ -410,7 +411,8 @@ def _rate(report: dict[str, Any], seconds: float) -> float:
 
 
 def _measured(lod: SceneLod, output: Path, file_bytes: int, max_triangles: int) -> dict[str, Any]:
-    from umbel.cli.measure import peak_rss_bytes, sha256_of, table_counts
+    from umbel.cli.measure import sha256_of, table_counts
+    from umbel.scale.memory import peak_rss_bytes
 
     report = {key: value for key, value in lod.report.items() if key != "seconds"}
     triangles = report["input_triangles"]
