@@ -41,7 +41,7 @@ OPEN = """
 import json, sys, time
 import numpy as np
 import umbel
-from umbel.cli.measure import peak_rss_bytes
+from umbel.scale.memory import peak_rss_bytes
 umbel.Asset, umbel.Camera, umbel.Mesh
 before, began = peak_rss_bytes(), time.perf_counter()
 asset = umbel.Asset(sys.argv[1])
