@@ -201,6 +201,8 @@ class Bvh(TriangleQueries):
             raise Error(f"transform must have shape (4, 4) or (3, 4), not {rows.shape}")
         if rows.shape == (4, 4) and (rows[3] != (0, 0, 0, 1)).any():
             raise Error("the last row of transform must be 0, 0, 0, 1")
+        if not np.isfinite(rows).all():
+            raise Error("transform must be finite")
         local = rows[:3].astype(np.float64)
         local[:, 3] += local[:, :3] @ other._origin - self._origin
         return [float(x) for x in local.ravel()]

@@ -31,15 +31,17 @@ class Placement {
   Placement(const std::array<double, 12>& rows, const Aabb& bounds) : rows_(rows) {
     const std::array<double, 12> identity = CollisionOptions{}.second_to_first;
     if (!std::all_of(rows.begin(), rows.end(), [](double x) { return std::isfinite(x); }))
-      throw Error(ErrorCode::kInvalidArgument, "second_to_first has a value that is not finite");
+      throw Error(ErrorCode::kInvalidArgument,
+                  "the transform second_to_first has a value that is not finite");
     is_identity_ = rows == identity;
     if (is_identity_ || is_empty(bounds)) return;
     const Aabb all = box(bounds);
     const Vec3 furthest = max(all.max, all.min * -1.0f);
     const float most = std::max({furthest.x, furthest.y, furthest.z});
     if (!(most < std::numeric_limits<float>::max()))
-      throw Error(ErrorCode::kInvalidArgument,
-                  "second_to_first brings the second mesh out of the range of floats");
+      throw Error(
+          ErrorCode::kInvalidArgument,
+          "the transform second_to_first brings the second mesh out of the range of floats");
     // Rounding moves a corner by half a unit in the last place, and with it the part of a triangle
     // that a box holds.
     margin_ = most * 0x1p-22f;
