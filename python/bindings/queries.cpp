@@ -86,22 +86,28 @@ using AllHitsTuple =
 
 AllHitsTuple all_hits_of(const TriangleQueries& structure, const RayInput& input, size_t max_hits,
                          uint32_t mask, bool cull, uint32_t threads) {
+  const RayArrays rays = input.view();
+  std::vector<int64_t> offsets{0};
   std::vector<float> t, u, v;
   std::vector<uint32_t> primitive;
-  AllHits found;
-  {
-    nb::gil_scoped_release release;
-    found = all_hits(structure, input.view(), max_hits, {mask, cull}, threads);
-    for (auto* values : {&t, &u, &v}) values->reserve(found.hits.size());
-    primitive.reserve(found.hits.size());
+  sliced(ray_count(rays), [&](size_t begin, size_t n) {
+    const AllHits found =
+        all_hits(structure, slice(rays, begin, n), max_hits, {mask, cull}, threads);
+    if (begin == 0) {
+      for (auto* values : {&t, &u, &v}) values->reserve(found.hits.size());
+      primitive.reserve(found.hits.size());
+    }
+    const int64_t before = offsets.back();
+    for (size_t i = 1; i <= n; ++i)
+      offsets.push_back(before + static_cast<int64_t>(found.offsets[i]));
     for (const Hit& hit : found.hits) {
       t.push_back(hit.t);
       primitive.push_back(hit.primitive);
       u.push_back(hit.u);
       v.push_back(hit.v);
     }
-  }
-  return nb::make_tuple(take<int64_t>(std::move(found.offsets)), take_as(std::move(t)),
+  });
+  return nb::make_tuple(take<int64_t>(std::move(offsets)), take_as(std::move(t)),
                         signed_indices(std::move(primitive)), take_as(std::move(u)),
                         take_as(std::move(v)));
 }

@@ -156,6 +156,19 @@ def test_masks_select_triangles(blob: Mesh) -> None:
     assert umbel.Bvh(blob).occluded(origins, directions, mask=1 << 31).any()
 
 
+def test_all_hits_of_more_rays_than_are_traced_at_once() -> None:
+    bvh = umbel.Bvh(umbel.shapes.sphere(0))
+    count = (1 << 20) + 1
+    origins = np.zeros((count, 3), np.float32)
+    origins[:, 2] = np.where(np.arange(count) % 3 == 0, 0, 2)  # within: one hit; below: none
+    origins[-2:, 2] = -2  # all the way through, before and behind where the first part ends
+    found = bvh.all_hits(origins, [0.01, 0.02, 1])
+    assert found.offsets[-1] == len(found.t) == len(found.primitive) == len(found.u)
+    assert (found.counts[:-2] == (np.arange(count - 2) % 3 == 0)).all()
+    assert found.counts[-2:].tolist() == [2, 2]
+    assert np.array_equal(found.t[-4:-2], found.t[-2:]) and found.t[-2] < found.t[-1]
+
+
 def test_back_faces_are_seen_or_not() -> None:
     bvh = umbel.Bvh(umbel.shapes.sphere(3))
     directions = random_directions(100, 8)
