@@ -8,6 +8,7 @@ import hashlib
 import json
 import os
 import posixpath
+import re
 import struct
 import urllib.parse
 import zlib
@@ -19,6 +20,7 @@ from umbel.io.obj.mtl import map_names, words_of
 
 _BLOCK = 1 << 20
 _JSON_CHUNK = 0x4E4F534A
+_CONTINUED = re.compile(rb"\\\s*\n\s*")
 
 
 def references(name: str, data: Any) -> list[str]:
@@ -29,7 +31,7 @@ def references(name: str, data: Any) -> list[str]:
     found: Iterable[str] = ()
     if bytes(data[:4]) == b"glTF":
         found = _of_gltf(_json_chunk(data))
-    elif name.endswith(".gltf"):
+    elif name.endswith((".gltf", ".glb")):  # one may have the other's name
         found = _of_gltf(bytes(data))
     elif name.endswith(".obj"):
         rests = list(_rests_of_lines(data, b"mtllib"))
@@ -107,7 +109,7 @@ def _read(path: Path, name: str) -> tuple[str, list[str]]:
         while block := file.read(_BLOCK):
             digest.update(block)
             if lower.endswith(".obj"):
-                lines, kept = _whole_lines(kept + block.replace(b"\r", b"\n"))
+                lines, kept = _whole_lines(kept + _with_newlines(block))
                 named += references(name, lines)
             elif kept[:4] == b"glTF" or block[:4] == b"glTF":
                 kept += block if len(kept) < _json_end(kept or block) else b""
@@ -115,6 +117,10 @@ def _read(path: Path, name: str) -> tuple[str, list[str]]:
                 kept += block
     named += references(name, _unpacked(name, kept))
     return digest.hexdigest(), list(dict.fromkeys(named))
+
+
+def _with_newlines(text: bytes) -> bytes:
+    return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
 
 
 def _whole_lines(text: bytes) -> tuple[bytes, bytes]:
@@ -160,13 +166,22 @@ def _of_gltf(text: bytes) -> Iterator[str]:
 
 def _rests_of_lines(data: Any, word: bytes) -> Iterable[str]:
     """What follows the word, in any case, in every line that begins with it."""
-    data = bytes(data).replace(b"\r", b"\n")
+    data = _with_newlines(bytes(data))
     for spelling in (word, word.upper(), word.capitalize()):
         at = data.find(spelling)
         while at >= 0:
             begin = data.rfind(b"\n", max(0, at - 64), at) + 1
-            end = data.find(b"\n", at)
-            line = bytes(data[max(begin, at - 64) : end if end >= 0 else len(data)]).strip()
+            line = data[max(begin, at - 64) : _line_end(data, at)].strip()
             at = data.find(spelling, at + len(spelling))
-            if line.startswith(spelling) and len(line.split()) > 1:
-                yield os.fsdecode(line.split(None, 1)[1])
+            words = _CONTINUED.sub(b" ", line).split(None, 1)
+            if line.startswith(spelling) and len(words) > 1:
+                yield os.fsdecode(words[1])
+
+
+def _line_end(data: bytes, at: int) -> int:
+    """Where the line that `at` is in ends, with those that backslashes take to it."""
+    while (end := data.find(b"\n", at)) >= 0:
+        if not data[at:end].rstrip().endswith(b"\\"):
+            return end
+        at = end + 1
+    return len(data)

@@ -190,6 +190,10 @@ def test_references_are_found(folder: Path) -> None:
         *("my paint.mtl", "my", "paint.mtl"),
     ]
     assert references("a.obj", b"v 0 0 0\rmtllib a.mtl\rmtllib b.mtl\r") == ["a.mtl", "b.mtl"]
+    assert references("a.obj", b"mtllib \\ \r\n a.mtl \\\n b.mtl\nmtllib c.mtl\n") == [
+        *("a.mtl  b.mtl", "a.mtl", "b.mtl", "c.mtl"),
+    ]
+    assert references("b.glb", (folder / "b.gltf").read_bytes()) == ["my buffer.bin", "red.png"]
     padded = (folder / "b.gltf").read_bytes() + b"\0\0"  # as it may be in a .glb
     assert references("b.gltf", padded) == ["my buffer.bin", "red.png"]
     assert references("c.ply", (folder / "c.ply").read_bytes()) == []
