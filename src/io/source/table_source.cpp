@@ -82,6 +82,14 @@ void transform(const std::array<double, 12>& m, TriangleBlock& block, size_t ver
     std::swap(block.triangles[i][1], block.triangles[i][2]);
 }
 
+/// Before values are appended. Where they are few, as those of one of many small parts, the next
+/// ones get room too.
+template <typename Value>
+void make_room(std::vector<Value>& values, size_t more) {
+  const size_t needed = values.size() + more;
+  if (needed > values.capacity()) values.reserve(std::max(needed, 2 * values.capacity()));
+}
+
 /// The numbers of a corner's rows: position, texture coordinate, normal.
 using CornerKey = std::array<uint32_t, 3>;
 struct CornerHash {
@@ -111,7 +119,7 @@ class PartReader {
       gather_rows(part_.positions, vertices_, positions);
       add_positions(positions, block);
     }
-    block.triangles.reserve(triangle + corners.size() / 3);
+    make_room(block.triangles, corners.size() / 3);
     for (size_t i = 0; i < corners.size(); i += 3)
       block.triangles.push_back({static_cast<uint32_t>(vertex + corners[i]),
                                  static_cast<uint32_t>(vertex + corners[i + 1]),
@@ -199,7 +207,7 @@ class PartReader {
   }
 
   static void add_positions(const std::vector<double>& values, TriangleBlock& block) {
-    block.positions.reserve(block.positions.size() + values.size() / 3);
+    make_room(block.positions, values.size() / 3);
     for (size_t v = 0; v < values.size(); v += 3)
       block.positions.push_back({values[v], values[v + 1], values[v + 2]});
   }
@@ -212,7 +220,7 @@ class PartReader {
     std::vector<float> values;
     gather_rows(column, ids, values);
     const size_t width = column.offsets.size();
-    out.reserve(block.positions.size());
+    make_room(out, values.size() / width);
     for (size_t v = 0; v < values.size(); v += width) out.push_back(make(values.data() + v));
   }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <ctime>
 #include <random>
 
 #include "asset/scratch.hpp"
@@ -87,6 +88,24 @@ TEST(Coherent, AnIndexBeyondTheVerticesIsRefusedAndLeavesNothing) {
   TableLayout layout = tables_of(mesh, scratch / "mesh");
   EXPECT_THROW(make_coherent(layout, 0, scratch / "sorted"), Error);
   EXPECT_EQ(scratch.files(), 1u);
+}
+
+// Scenes may have a hundred thousand meshes of a few triangles.
+TEST(TableSource, TimeGrowsWithTheNumberOfPartsOnly) {
+  const umbel::testing::Scratch scratch;
+  TableLayout layout = tables_of(shapes::sphere(3), scratch / "mesh");
+  layout.parts[0].triangles = 1;
+  layout.tables[1].rows = 1;
+  const auto seconds = [&](size_t parts) {
+    TableLayout many = layout;
+    many.parts.resize(parts, layout.parts[0]);
+    const TableSource source(many);
+    const std::clock_t begin = std::clock();
+    EXPECT_EQ(source.read(0, parts).triangles.size(), parts);
+    return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  };
+  const double few = std::max({seconds(2000), seconds(2000), 1e-3});
+  EXPECT_LT(seconds(32'000), 40 * few);  // 256 times where all is copied for each part
 }
 
 }  // namespace
