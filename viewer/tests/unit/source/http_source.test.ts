@@ -60,6 +60,22 @@ describe("an HTTP source", () => {
     expect(states).toEqual([true, false]);
   });
 
+  test.each([
+    ["says that the file is shorter", () => new Response(null, { status: 416 })],
+    ["sends another file", () => new Response("<html>Who are you?</html>")],
+  ])("tries again where a host %s for a while", async (_, answer) => {
+    const { get } = host();
+    let wrong = 0;
+    const source = new HttpSource(URL, {
+      fetch: async (url, init) => (wrong-- > 0 ? answer() : get(url, init)),
+      delay: 1,
+    });
+    expect(await source.read(0, 5)).toEqual(BYTES.slice(0, 5));
+    wrong = 2;
+    expect(await source.read(500, 5)).toEqual(BYTES.slice(500, 505));
+    expect(await source.read(990, 50)).toEqual(BYTES.slice(990));
+  });
+
   test("reports a file that is gone as a lost connection, and that it is back", async () => {
     const states: boolean[] = [];
     const { get } = host();

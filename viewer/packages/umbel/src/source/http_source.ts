@@ -25,6 +25,8 @@ export class HttpSource implements ByteSource {
   private readonly aborter = new AbortController();
   private download: Download | undefined;
   private isLost = false;
+  /** Bytes of the file, once an answer has told. */
+  private total: number | undefined;
 
   constructor(
     readonly url: string,
@@ -60,7 +62,7 @@ export class HttpSource implements ByteSource {
   }
 
   private async request(offset: number, length: number): Promise<Uint8Array> {
-    if (this.download) return this.download.read(offset, length);
+    if (this.download) return this.downloaded(this.download, offset, length);
     const headers = { Range: `bytes=${offset}-${offset + length - 1}` };
     const { signal } = this.aborter;
     const response = await patientFetch(this.url, { headers, signal }, this.options);
@@ -71,9 +73,9 @@ export class HttpSource implements ByteSource {
       this.download ??= new Download(response, (bytes) => {
         this.fetched += bytes;
       });
-      return this.download.read(offset, length);
+      return this.downloaded(this.download, offset, length);
     }
-    if (response.status === 416) return new Uint8Array(0);
+    if (response.status === 416) return this.checked(new Uint8Array(0), offset, length);
     throw statusError(response.status, this.url);
   }
 
@@ -84,10 +86,25 @@ export class HttpSource implements ByteSource {
     const total = range && range[2] !== "*" ? Number(range[2]) : undefined;
     // Browsers hide the range of other hosts' answers, if these do not expose it. Only the first bytes
     // of a file are read without knowing its length.
-    const most = total ?? (offset === 0 && bytes.length > 0 ? bytes.length : Infinity);
-    const wanted = Math.min(length, Math.max(most - offset, 0));
-    if ((range && Number(range[1]) !== offset) || bytes.length < wanted)
-      throw new UmbelError("network", `${hostOf(this.url)} sent less than was asked for.`);
-    return bytes.subarray(0, length);
+    const most = offset === 0 && bytes.length > 0 ? bytes.length : Infinity;
+    if (range && Number(range[1]) !== offset) this.tooShort();
+    this.total = total ?? this.total;
+    return this.checked(bytes.subarray(0, length), offset, length, most);
+  }
+
+  /** From an answer that may be another file's, as that of a page to log in. */
+  private async downloaded(from: Download, offset: number, length: number): Promise<Uint8Array> {
+    return this.checked(await from.read(offset, length), offset, length);
+  }
+
+  /** @param most bytes of the file, where that is not known */
+  private checked(bytes: Uint8Array, offset: number, length: number, most = 0): Uint8Array {
+    const end = Math.min(offset + length, this.total ?? most);
+    if (bytes.length < end - offset) this.tooShort();
+    return bytes;
+  }
+
+  private tooShort(): never {
+    throw new UmbelError("network", `${hostOf(this.url)} sent less than was asked for.`);
   }
 }
