@@ -20,7 +20,7 @@ test("the help lists the keys, and they work", async ({ page, host }) => {
   await page.keyboard.press("Home");
   await quiet(page);
   (await eye()).forEach((x, i) => {
-    expect(x).toBeCloseTo(before[i], 5);
+    expect(x).toBeCloseTo(before[i], 2);
   });
   await page.keyboard.press("+");
   await page.waitForFunction(

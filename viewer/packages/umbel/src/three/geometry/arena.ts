@@ -38,7 +38,7 @@ export interface Allocation {
 }
 
 export class Arena {
-  readonly geometry = new BufferGeometry();
+  readonly geometry: BufferGeometry = new BufferGeometry();
   /** The same vertices, with edges as lines; made by the first call of `lines`. */
   private edges: BufferGeometry | undefined;
   private readonly vertices: Allocator;
