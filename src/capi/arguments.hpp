@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <span>
 #include <string>
@@ -30,20 +31,23 @@ std::span<To> elements(From* array, size_t count, const char* name) {
 }
 
 /// The same of rows of `width` elements, `stride` bytes from one to the next (0: one right after
-/// the other). They are copied to `copies` where there is anything between them.
+/// the other). They are copied to `copies` where there is anything between them, or where they are
+/// not aligned as elements must be.
 template <typename To, typename From>
 std::span<const To> strided_rows(const From* array, size_t count, size_t width, size_t stride,
                                  const char* name, std::vector<To>& copies) {
   const auto all = elements<const To>(array, count * width, name);
   const size_t bytes = width * sizeof(To);
-  if (stride == 0 || stride == bytes) return all;
-  if (stride < bytes)
+  const size_t step = stride == 0 ? bytes : stride;
+  const bool is_aligned = reinterpret_cast<uintptr_t>(array) % alignof(To) == 0;
+  if (step == bytes && is_aligned) return all;
+  if (step < bytes)
     throw Error(ErrorCode::kInvalidArgument, std::string(name) + " has a stride of " +
                                                  std::to_string(stride) + " bytes, but values of " +
                                                  std::to_string(bytes));
   copies.resize(count * width);
   const auto* from = reinterpret_cast<const unsigned char*>(array);
-  for (size_t i = 0; i < count; ++i) std::memcpy(&copies[i * width], from + i * stride, bytes);
+  for (size_t i = 0; i < count; ++i) std::memcpy(&copies[i * width], from + i * step, bytes);
   return copies;
 }
 template <typename To, typename From>

@@ -3,6 +3,7 @@
 
 #include <cstring>
 
+#include "capi/arguments.hpp"
 #include "capi/bvh_call.hpp"
 #include "capi/cluster_call.hpp"
 #include "capi/lod_call.hpp"
@@ -88,6 +89,20 @@ TEST(InputsFromC, clusters_and_trees_take_strides) {
   umbel_bvh2 tree;
   umbel_bvh2_init(&tree);
   EXPECT_EQ(umbel_bvh2_build_triangles(&given, nullptr, nullptr, &tree), UMBEL_ERROR_CAPACITY);
+}
+
+TEST(InputsFromC, arrays_at_odd_addresses_are_copied) {
+  const std::vector<Vec3> positions = shapes::blob(1, 2).positions;
+  std::vector<char> buffer(1 + positions.size() * sizeof(Vec3));
+  std::memcpy(buffer.data() + 1, positions.data(), buffer.size() - 1);
+  const void* odd = buffer.data() + 1;
+  for (const size_t stride : {size_t{0}, sizeof(Vec3)}) {
+    std::vector<Vec3> copies;
+    const auto taken = capi::strided(static_cast<const umbel_vec3*>(odd), positions.size(), stride,
+                                     "positions", copies);
+    EXPECT_EQ(taken.data(), copies.data());
+    EXPECT_EQ(copies, positions);
+  }
 }
 
 TEST(InputsFromC, requirements_look_at_counts_alone) {
