@@ -162,7 +162,7 @@ def command(
     ),
     ray: str | None = option(
         None,
-        "auto|ADDRESS",
+        "auto|local|ADDRESS",
         "Build in parts on a Ray cluster: all inputs as one mesh. Inputs, output and --work may "
         "then be addresses, such as s3://.",
     ),
