@@ -51,6 +51,25 @@ UMBEL_HOST_DEVICE Floats without_negative_zero(const Floats& value) {
   return std::bit_cast<Floats>(floats);
 }
 
+UMBEL_HOST_DEVICE inline Vec3d to_double(const Vec3& a) { return {a.x, a.y, a.z}; }
+UMBEL_HOST_DEVICE inline Vec3d operator+(const Vec3d& a, const Vec3d& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+UMBEL_HOST_DEVICE inline Vec3d operator-(const Vec3d& a, const Vec3d& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+UMBEL_HOST_DEVICE inline Vec3d operator*(const Vec3d& a, double s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+UMBEL_HOST_DEVICE inline Vec3d operator*(double s, const Vec3d& a) { return a * s; }
+UMBEL_HOST_DEVICE inline double dot(const Vec3d& a, const Vec3d& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+UMBEL_HOST_DEVICE inline double length(const Vec3d& a) { return std::sqrt(dot(a, a)); }
+UMBEL_HOST_DEVICE inline Vec3d cross(const Vec3d& a, const Vec3d& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
 UMBEL_HOST_DEVICE inline bool is_finite(const Vec3& a) {
   return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
 }

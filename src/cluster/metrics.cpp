@@ -2,6 +2,7 @@
 // random line through the box of all pierces (Crofton); `overlap` counts them on sampled lines,
 // and so checks the former independently.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <vector>
@@ -17,9 +18,7 @@
 namespace umbel {
 namespace {
 
-struct Vec3d {
-  double v[3];
-};
+using Double3 = std::array<double, 3>;
 
 double area(const Aabb& b) {
   if (is_empty(b)) return 0;
@@ -45,21 +44,21 @@ class Random {
 };
 
 struct Line {
-  Vec3d origin, direction;
+  Double3 origin, direction;
 };
 
 // A uniform line that meets the sphere: isotropic direction, uniform point of the disk across it.
-Line random_line(Random& random, const Vec3d& center, double radius) {
+Line random_line(Random& random, const Double3& center, double radius) {
   const double z = 2 * random.next() - 1, phi = 2 * std::numbers::pi * random.next();
   const double s = std::sqrt(std::max(0.0, 1 - z * z));
-  const Vec3d d{s * std::cos(phi), s * std::sin(phi), z};
-  const double sign = std::copysign(1.0, z), a = -1 / (sign + z), b = d.v[0] * d.v[1] * a;
-  const Vec3d u{1 + sign * d.v[0] * d.v[0] * a, sign * b, -sign * d.v[0]};
-  const Vec3d w{b, sign + d.v[1] * d.v[1] * a, -d.v[1]};
+  const Double3 d{s * std::cos(phi), s * std::sin(phi), z};
+  const double sign = std::copysign(1.0, z), a = -1 / (sign + z), b = d[0] * d[1] * a;
+  const Double3 u{1 + sign * d[0] * d[0] * a, sign * b, -sign * d[0]};
+  const Double3 w{b, sign + d[1] * d[1] * a, -d[1]};
   const double r = radius * std::sqrt(random.next()), t = 2 * std::numbers::pi * random.next();
   const double p = r * std::cos(t), q = r * std::sin(t);
   Line line{{}, d};
-  for (int k = 0; k < 3; ++k) line.origin.v[k] = center.v[k] + p * u.v[k] + q * w.v[k];
+  for (int k = 0; k < 3; ++k) line.origin[k] = center[k] + p * u[k] + q * w[k];
   return line;
 }
 
@@ -69,8 +68,8 @@ bool pierces(const Line& line, const Aabb& box) {
   double near = -HUGE_VAL, far = HUGE_VAL;
   for (int k = 0; k < 3; ++k) {
     const double low = lows[k], high = highs[k];
-    const double inverse = 1 / line.direction.v[k];
-    double a = (low - line.origin.v[k]) * inverse, b = (high - line.origin.v[k]) * inverse;
+    const double inverse = 1 / line.direction[k];
+    double a = (low - line.origin[k]) * inverse, b = (high - line.origin[k]) * inverse;
     if (a > b) std::swap(a, b);
     near = std::max(near, a);
     far = std::min(far, b);
@@ -81,13 +80,13 @@ bool pierces(const Line& line, const Aabb& box) {
 double sampled_overlap(const std::vector<Aabb>& boxes, const Aabb& bounds) {
   if (boxes.empty() || area(bounds) == 0) return 0;
   constexpr size_t kLines = 4096, kChunk = 64;
-  Vec3d center{};
+  Double3 center{};
   double radius = 0;
   const double lows[3] = {bounds.min.x, bounds.min.y, bounds.min.z};
   const double highs[3] = {bounds.max.x, bounds.max.y, bounds.max.z};
   for (int k = 0; k < 3; ++k) {
     const double low = lows[k], high = highs[k];
-    center.v[k] = 0.5 * (low + high);
+    center[k] = 0.5 * (low + high);
     radius += 0.25 * (high - low) * (high - low);
   }
   radius = std::sqrt(radius);

@@ -16,24 +16,6 @@
 
 namespace umbel {
 
-UMBEL_HOST_DEVICE inline Vec3d to_double(const Vec3& a) { return {a.x, a.y, a.z}; }
-UMBEL_HOST_DEVICE inline Vec3d operator+(const Vec3d& a, const Vec3d& b) {
-  return {a.x + b.x, a.y + b.y, a.z + b.z};
-}
-UMBEL_HOST_DEVICE inline Vec3d operator-(const Vec3d& a, const Vec3d& b) {
-  return {a.x - b.x, a.y - b.y, a.z - b.z};
-}
-UMBEL_HOST_DEVICE inline Vec3d operator*(const Vec3d& a, double s) {
-  return {a.x * s, a.y * s, a.z * s};
-}
-UMBEL_HOST_DEVICE inline double dot(const Vec3d& a, const Vec3d& b) {
-  return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-UMBEL_HOST_DEVICE inline double length(const Vec3d& a) { return std::sqrt(dot(a, a)); }
-UMBEL_HOST_DEVICE inline Vec3d cross(const Vec3d& a, const Vec3d& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-
 /// The point (1 - u - v) p0 + u p1 + v p2 of a triangle, and its squared distance.
 struct TrianglePoint {
   double distance2, u, v;

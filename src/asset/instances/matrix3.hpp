@@ -6,20 +6,12 @@
 #include <cmath>
 #include <utility>
 
+#include "base/math.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel::asset {
 
 using Matrix3 = std::array<std::array<double, 3>, 3>;
-
-inline Vec3d operator+(const Vec3d& a, const Vec3d& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vec3d operator-(const Vec3d& a, const Vec3d& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Vec3d operator*(double s, const Vec3d& a) { return {s * a.x, s * a.y, s * a.z}; }
-inline double dot(const Vec3d& a, const Vec3d& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline Vec3d cross(const Vec3d& a, const Vec3d& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-inline double length(const Vec3d& a) { return std::sqrt(dot(a, a)); }
 
 inline Vec3d operator*(const Matrix3& m, const Vec3d& v) {
   return {m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z,

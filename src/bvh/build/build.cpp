@@ -98,7 +98,7 @@ void check_boxes(Boxes boxes) {
                   (is_finite(b.min) && is_finite(b.max) ? " is empty" : " is not finite"));
 }
 
-Aabb bounds_of(Boxes boxes) {
+Aabb box_of_all(Boxes boxes) {
   std::vector<Aabb> parts((boxes.size() + kPrimitivesAtOnce - 1) / kPrimitivesAtOnce);
   parallel_chunks(boxes.size(), kPrimitivesAtOnce, [&](size_t begin, size_t end) {
     Aabb part;
@@ -165,7 +165,7 @@ bool has_area(const Node& node) {
 Bvh2 build_checked(const MeshView* mesh, Boxes boxes, const Config& config,
                    BuildProgress& progress) {
   const bool parts = config.builder == Builder::kSpatial;
-  const float scale = moderate_scale(bounds_of(boxes));
+  const float scale = moderate_scale(box_of_all(boxes));
   Bvh2 tree = scale == 1.0f ? run_builder(mesh, boxes, config, progress)
                             : run_scaled(mesh, boxes, scale, config, progress);
   if (config.reinsertion_rounds > 0) {

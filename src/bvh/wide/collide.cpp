@@ -13,6 +13,7 @@
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "bvh/wide/triangle_bvh_data.hpp"
+#include "bvh/wide/widen.hpp"
 #include "query/overlap.hpp"
 #include "query/triangle_pair.hpp"
 #include "umbel/collision.hpp"
@@ -22,7 +23,6 @@ namespace {
 
 using TriangleCorners = std::array<Vec3, 3>;
 
-constexpr uint32_t kMaxWidth = 8;
 constexpr size_t kTasks = 512;
 
 /// The map from the second mesh to the first.

@@ -27,27 +27,11 @@ constexpr double kLeastCosine = 0.1;
 // What a test in floats may lose in normalising two vectors and multiplying them.
 constexpr double kCutoffSlack = 2e-6;
 
-Vec3d wide(const Vec3& a) { return {a.x, a.y, a.z}; }
 Vec3 narrow(const Vec3d& a) {
   return {static_cast<float>(a.x), static_cast<float>(a.y), static_cast<float>(a.z)};
 }
-Vec3d operator-(const Vec3d& a, const Vec3d& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-Vec3d operator+(const Vec3d& a, const Vec3d& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-Vec3d operator*(const Vec3d& a, double s) { return {a.x * s, a.y * s, a.z * s}; }
-double dot(const Vec3d& a, const Vec3d& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec3d cross(const Vec3d& a, const Vec3d& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-double length(const Vec3d& a) { return std::sqrt(dot(a, a)); }
-
-float rounded_up(double value) {
-  if (value > std::numeric_limits<float>::max()) return std::numeric_limits<float>::infinity();
-  const float rounded = static_cast<float>(value);
-  return rounded < value ? std::nextafter(rounded, HUGE_VALF) : rounded;
-}
-
 // A plane through a triangle, in the unit cluster.
-struct Plane {
+struct TrianglePlane {
   Vec3d point, normal;
 };
 
@@ -57,9 +41,9 @@ struct Unit {
   double scale = 1;
   std::vector<Vec3> points;
   std::vector<unsigned> indices;
-  std::vector<Plane> planes;
+  std::vector<TrianglePlane> planes;
 
-  Vec3d inward(const Vec3& p) const { return (wide(p) - center) * scale; }
+  Vec3d inward(const Vec3& p) const { return (to_double(p) - center) * scale; }
   Vec3d outward(const Vec3d& p) const { return p * (1 / scale) + center; }
 
   void load(const MeshView& mesh, const Meshlet& meshlet);
@@ -68,8 +52,8 @@ struct Unit {
 void Unit::load(const MeshView& mesh, const Meshlet& meshlet) {
   Aabb box;
   for (const uint32_t v : meshlet.vertices) extend(box, mesh.positions[v]);
-  center = (wide(box.min) + wide(box.max)) * 0.5;
-  const Vec3d half = (wide(box.max) - wide(box.min)) * 0.5;
+  center = (to_double(box.min) + to_double(box.max)) * 0.5;
+  const Vec3d half = (to_double(box.max) - to_double(box.min)) * 0.5;
   const double largest = std::max({half.x, half.y, half.z});
   // A power of two, so that scaling does not round.
   scale = largest > 0 ? std::exp2(-std::ceil(std::log2(largest))) : 1;
@@ -89,15 +73,15 @@ void Unit::load(const MeshView& mesh, const Meshlet& meshlet) {
 float radius_around(const MeshView& mesh, const Meshlet& meshlet, const Vec3& center) {
   double radius = 0;
   for (const uint32_t v : meshlet.vertices)
-    radius = std::max(radius, length(wide(mesh.positions[v]) - wide(center)));
+    radius = std::max(radius, length(to_double(mesh.positions[v]) - to_double(center)));
   // The square root and the sums before it are a few roundings in double.
-  return rounded_up(radius * (1 + 1e-14));
+  return round_up(radius * (1 + 1e-14));
 }
 
 // The sine of the largest angle between the axis and a normal; nothing if the cone is too wide.
 std::optional<double> sine_of(const Unit& unit, const Vec3d& axis) {
   double sine = 0;
-  for (const Plane& plane : unit.planes) {
+  for (const TrianglePlane& plane : unit.planes) {
     if (dot(plane.normal, axis) <= kLeastCosine) return std::nullopt;
     sine = std::max(sine, length(cross(plane.normal, axis)));
   }
@@ -110,7 +94,7 @@ std::optional<Vec3> apex_of(const Unit& unit, const Vec3& center, const Vec3d& a
   const Vec3d from = unit.inward(center);
   const auto way_behind = [&](const Vec3d& p) {
     double way = -HUGE_VAL;
-    for (const Plane& plane : unit.planes)
+    for (const TrianglePlane& plane : unit.planes)
       way = std::max(way, dot(p - plane.point, plane.normal) / dot(axis, plane.normal));
     return way;
   };
@@ -136,16 +120,16 @@ ClusterBounds bounds_of(const MeshView& mesh, const Meshlet& meshlet, Unit& unit
   bounds.sphere.radius = radius_around(mesh, meshlet, bounds.sphere.center);
   bounds.cone_apex = bounds.sphere.center;
   const Vec3 axis{found.cone_axis[0], found.cone_axis[1], found.cone_axis[2]};
-  const double size = length(wide(axis));
+  const double size = length(to_double(axis));
   if (unit.planes.empty() || !(size > 0.5)) return bounds;
-  const Vec3d unit_axis = wide(axis) * (1 / size);
+  const Vec3d unit_axis = to_double(axis) * (1 / size);
   const std::optional<double> sine = sine_of(unit, unit_axis);
   if (!sine) return bounds;
   const std::optional<Vec3> apex = apex_of(unit, bounds.sphere.center, unit_axis);
   if (!apex) return bounds;
   bounds.cone_apex = *apex;
   bounds.cone_axis = axis;
-  bounds.cone_cutoff = rounded_up(*sine + kCutoffSlack);
+  bounds.cone_cutoff = round_up(*sine + kCutoffSlack);
   return bounds;
 }
 

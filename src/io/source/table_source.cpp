@@ -10,6 +10,7 @@
 #include "base/bytes.hpp"
 #include "base/hash.hpp"
 #include "base/interner.hpp"
+#include "base/math.hpp"
 #include "base/srgb.hpp"
 #include "io/source/gather.hpp"
 #include "io/source/vertex_numbers.hpp"
@@ -31,11 +32,6 @@ class Files {
   const std::vector<std::filesystem::path>& paths_;
   std::map<uint32_t, std::unique_ptr<InputFile>> open_;
 };
-
-Vec3d cross(const Vec3d& a, const Vec3d& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-double dot(const Vec3d& a, const Vec3d& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 Vec3 normalized(Vec3d v) {
   const double largest = std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)});

@@ -64,7 +64,7 @@ void append(std::vector<T>& out, size_t index, const std::vector<T>& stream, siz
   out.push_back(stream.empty() ? T{} : stream[i]);
 }
 
-void append_vertex(Mesh& mesh, const ClusterGeometry& g, size_t i) {
+void append_decoded(Mesh& mesh, const ClusterGeometry& g, size_t i) {
   const size_t index = mesh.positions.size();
   mesh.positions.push_back(g.positions[i]);
   append(mesh.normals, index, g.normals, i);
@@ -140,7 +140,7 @@ Mesh join_clusters(std::span<const JoinedCluster> cut, const GeometryReader& geo
       key[16] = extras.number(i);
       const auto [vertex, is_new] = vertices.insert(key);
       if (is_new) {
-        append_vertex(mesh, g, i);
+        append_decoded(mesh, g, i);
         extras.append(i);
       }
       index.push_back(vertex);

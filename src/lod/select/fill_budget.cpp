@@ -18,12 +18,12 @@ namespace umbel::lod {
 namespace {
 
 /// A group that may be refined next.
-struct Candidate {
+struct Refinable {
   float turning_point, error;
   uint32_t instance, group;
   /// Whether another comes before this: the farther from good enough, the earlier. With the eye in
   /// their spheres many are infinitely far: then the larger error decides.
-  bool operator<(const Candidate& other) const {
+  bool operator<(const Refinable& other) const {
     if (turning_point != other.turning_point) return turning_point < other.turning_point;
     if (error != other.error) return error < other.error;
     if (instance != other.instance) return instance > other.instance;
@@ -58,7 +58,7 @@ class InstanceCut {
     return groups;
   }
 
-  Candidate candidate(uint32_t instance, uint32_t group) const {
+  Refinable candidate(uint32_t instance, uint32_t group) const {
     const Group& g = tables_.groups[group];
     return {turning_point(g, wanted_), g.error, instance, group};
   }
@@ -186,18 +186,18 @@ std::vector<InstanceCut> instance_cuts(const Tables& tables, const GeneratedClus
 
 /// Refines what fits, best first; `left` is what may be spent.
 void refine_what_fits(std::vector<InstanceCut>& cuts, uint64_t left) {
-  std::vector<std::vector<Candidate>> first(cuts.size());
+  std::vector<std::vector<Refinable>> first(cuts.size());
   parallel_for(cuts.size(), 1, [&](size_t i) {
     for (const uint32_t g : cuts[i].all_next())
       first[i].push_back(cuts[i].candidate(static_cast<uint32_t>(i), g));
   });
-  std::priority_queue<Candidate> queue;
-  for (const std::vector<Candidate>& some : first)
-    for (const Candidate& candidate : some) queue.push(candidate);
+  std::priority_queue<Refinable> queue;
+  for (const std::vector<Refinable>& some : first)
+    for (const Refinable& candidate : some) queue.push(candidate);
   int64_t room = static_cast<int64_t>(std::min<uint64_t>(left, INT64_MAX));
   std::vector<uint32_t> next;
   while (!queue.empty()) {
-    const Candidate best = queue.top();
+    const Refinable best = queue.top();
     queue.pop();
     InstanceCut& cut = cuts[best.instance];
     const int64_t price = cut.price(best.group);
