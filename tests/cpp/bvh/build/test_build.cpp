@@ -15,7 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 Config with(Builder builder) {
   Config config;

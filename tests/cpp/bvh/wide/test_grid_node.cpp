@@ -6,13 +6,13 @@
 #include <random>
 #include <vector>
 
+#include "base/math.hpp"
 #include "bvh/wide/grid_node.hpp"
 
 namespace umbel {
 namespace {
 
 using Boxes = std::array<Aabb, 8>;
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr Aabb kNowhere{{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
 
 std::vector<uint32_t> node_of(const Boxes& boxes, uint32_t width) {

@@ -5,21 +5,11 @@
 #include <limits>
 #include <random>
 
+#include "base/math.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel {
 namespace {
-
-struct Vec3d {
-  double x, y, z;
-};
-Vec3d wide(const Vec3& a) { return {a.x, a.y, a.z}; }
-Vec3d operator-(const Vec3d& a, const Vec3d& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-double dot(const Vec3d& a, const Vec3d& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-double length(const Vec3d& a) { return std::sqrt(dot(a, a)); }
-Vec3d cross(const Vec3d& a, const Vec3d& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
 
 Clusters clusters_of(const Mesh& mesh, uint32_t max_items = 64) {
   ClusterConfig config = cluster_preset("quality", max_items);
@@ -36,8 +26,8 @@ Mesh moved(Mesh mesh, float scale, float offset) {
 // How far the eye is in front of the triangle's plane, against the size of what goes into that.
 double height_above(const Mesh& mesh, uint32_t triangle, const Vec3d& eye) {
   const Triangle& t = mesh.triangles[triangle];
-  const Vec3d a = wide(mesh.positions[t[0]]);
-  const Vec3d n = cross(wide(mesh.positions[t[1]]) - a, wide(mesh.positions[t[2]]) - a);
+  const Vec3d a = to_double(mesh.positions[t[0]]);
+  const Vec3d n = cross(to_double(mesh.positions[t[1]]) - a, to_double(mesh.positions[t[2]]) - a);
   const double size = length(n) * length(eye - a);
   return size > 0 ? dot(n, eye - a) / size : 0;
 }
@@ -46,14 +36,15 @@ void expect_contains(const Mesh& mesh, const Clusters& clusters, size_t c, const
   const Range& r = clusters.ranges[c];
   for (uint32_t i = r.offset; i < r.offset + r.count; ++i)
     for (const uint32_t v : mesh.triangles[clusters.items[i]])
-      ASSERT_LE(length(wide(mesh.positions[v]) - wide(sphere.center)), double(sphere.radius));
+      ASSERT_LE(length(to_double(mesh.positions[v]) - to_double(sphere.center)),
+                double(sphere.radius));
 }
 
 // An eye in any direction, or one just inside the cone, where mistakes would show.
 Vec3d eye_for(const ClusterBounds& b, int k, std::mt19937& random) {
   std::normal_distribution<double> normal;
   const double far = double(b.sphere.radius) * std::pow(10.0, k % 5 - 1);
-  const Vec3d any{normal(random), normal(random), normal(random)}, axis = wide(b.cone_axis);
+  const Vec3d any{normal(random), normal(random), normal(random)}, axis = to_double(b.cone_axis);
   const double size = length(any), along = dot(any, axis);
   if (k % 2 || b.cone_cutoff == 1)
     return {b.sphere.center.x + far * any.x / size, b.sphere.center.y + far * any.y / size,
@@ -70,9 +61,11 @@ void expect_culls_nothing_visible(const Mesh& mesh, const Clusters& clusters, si
   const Range& r = clusters.ranges[c];
   for (int k = 0; k < 40; ++k) {
     const Vec3d eye = eye_for(b, k, random);
-    const Vec3d to_apex = wide(b.cone_apex) - eye, to_center = wide(b.sphere.center) - eye;
-    const bool by_apex = dot(to_apex, wide(b.cone_axis)) >= double(b.cone_cutoff) * length(to_apex);
-    const bool by_sphere = dot(to_center, wide(b.cone_axis)) >=
+    const Vec3d to_apex = to_double(b.cone_apex) - eye,
+                to_center = to_double(b.sphere.center) - eye;
+    const bool by_apex =
+        dot(to_apex, to_double(b.cone_axis)) >= double(b.cone_cutoff) * length(to_apex);
+    const bool by_sphere = dot(to_center, to_double(b.cone_axis)) >=
                            double(b.cone_cutoff) * length(to_center) + double(b.sphere.radius);
     if (!by_apex && !by_sphere) continue;
     ++culled;

@@ -16,7 +16,6 @@ namespace {
 
 using testing::Random;
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 struct Scene {
   Source source;
