@@ -58,6 +58,7 @@ struct AssetMesh {
   Aabb bounds;
   uint64_t source_triangles = 0, source_vertices = 0, source_digest = 0;
   uint32_t groups = 0, clusters = 0;
+  bool normals = false, tangents = false, uvs = false, colors = false;
 };
 
 /// A mesh in the scene.

@@ -80,8 +80,12 @@ void read_pages(FileHeader& header, std::span<const std::byte> bytes, bool is_op
 
 void describe(FileHeader& header) {
   AssetInfo& info = header.info;
-  for (const MeshEntry& entry : header.meshes) {
-    const AssetMesh& mesh = entry.mesh;
+  for (MeshEntry& entry : header.meshes) {
+    AssetMesh& mesh = entry.mesh;
+    AssetInfo own;
+    describe_format(format_of(header, entry), own);
+    mesh.normals = own.normals, mesh.tangents = own.tangents;
+    mesh.uvs = own.uvs, mesh.colors = own.colors;
     info.source_triangles += mesh.source_triangles;
     info.source_vertices += mesh.source_vertices;
     info.source_digest += mesh.source_digest;

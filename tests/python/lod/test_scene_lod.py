@@ -40,6 +40,17 @@ def shown(path: Path, **how: float) -> umbel.Mesh:
     return asset.scene_mesh(asset.scene_cuts(**how))
 
 
+def test_each_mesh_says_which_attributes_it_has(tmp_path: Path, umbel_command: Umbel) -> None:
+    plain, textured = umbel.shapes.blob(3, seed=1), umbel.shapes.torus(24, 12)
+    textured.uvs = np.zeros((len(textured.positions), 2), np.float32)
+    scene = Scene([plain, textured], [], [Instance(k, moved(4.0 * k)) for k in (0, 0, 0, 1, 1, 1)])
+    umbel.build_scene(scene, instances="on").save(tmp_path / "a.umbel")
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    assert [mesh["uvs"] for mesh in asset.meshes] == [False, True]
+    assert not any(mesh["colors"] for mesh in asset.meshes)
+    assert "uvs" in umbel_command("info", tmp_path / "a.umbel", "--json").json["attributes"]
+
+
 @pytest.mark.parametrize("mode", ["on", "off", "auto"])
 def test_level_zero_of_a_scene_is_what_the_source_draws(tmp_path: Path, mode: str) -> None:
     scene = herd(3)

@@ -63,7 +63,7 @@ def _asset_info(path: str) -> dict[str, Any]:
         "bounds": _bounds(asset),
         "origin": list(info["origin"]),
         "coordinates": asset.coordinates,
-        "attributes": [name for name in names if info[name]],
+        "attributes": [name for name in names if any(mesh[name] for mesh in asset.meshes)],
         "max_triangles": info["max_triangles"],
         "max_vertices": info["max_vertices"],
         "file_bytes": info["file_bytes"],
