@@ -86,8 +86,8 @@ nb::typed<nb::list, Dict> meshes_of(const Asset& asset) {
     entry["bounds"] =
         empty ? nb::object(nb::none())
               : nb::object(nb::make_tuple(tuple_of(mesh.bounds.min), tuple_of(mesh.bounds.max)));
-    PUT_FIELDS(entry, mesh, source_triangles, source_vertices, source_digest, groups, clusters, normals,
-               tangents, uvs, colors);
+    PUT_FIELDS(entry, mesh, source_triangles, source_vertices, source_digest, groups, clusters,
+               normals, tangents, uvs, colors);
     entry["levels"] = asset.levels(static_cast<uint32_t>(&mesh - asset.meshes().data())).size();
     list.append(entry);
   }
