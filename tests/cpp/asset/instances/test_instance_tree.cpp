@@ -7,6 +7,7 @@
 #include "asset/forest.hpp"
 #include "asset/instances/placed_box.hpp"
 #include "asset/instances/stand_in.hpp"
+#include "base/math.hpp"
 
 namespace umbel {
 namespace {
@@ -52,10 +53,8 @@ TEST(InstanceTree, spheres_contain_and_errors_bound_what_is_below) {
   for (uint32_t n = 0; n < nodes.size(); ++n) {
     for (const Instance& placement : asset.placements(n)) {
       const asset::PlacedBox box(asset.meshes()[placement.mesh].bounds, placement.transform);
-      const Vec3& c = nodes[n].sphere.center;
-      const Vec3d from{double{c.x}, double{c.y}, double{c.z}};
-      EXPECT_LE(asset::length(asset::operator-(box.center(), from)) + box.radius(),
-                double{nodes[n].sphere.radius});
+      const Vec3d from = to_double(nodes[n].sphere.center);
+      EXPECT_LE(length(box.center() - from) + box.radius(), double{nodes[n].sphere.radius});
       EXPECT_LE(asset.instanced_meshes()[placement.mesh].coarsest_error *
                     asset::largest_scale(placement.transform),
                 double{nodes[n].coarsest_error});
