@@ -27,11 +27,14 @@ def command(
         None,
         "3D Tiles 1.1 (default), glTF with MSFT_lod (default for .glb), or a page with the viewer.",
     ),
-    tile_triangles: int = option(
-        32768, "N", "3dtiles: a cell with more of the asset's triangles is split.", min=1
+    tile_triangles: int | None = option(
+        None,
+        "N",
+        "3dtiles: a cell with more of the asset's triangles is split.  [default: 32768]",
+        min=1,
     ),
-    implicit_above: int = option(
-        10000, "N", "3dtiles: with more tiles, write implicit tiling.", min=0
+    implicit_above: int | None = option(
+        None, "N", "3dtiles: with more tiles, write implicit tiling.  [default: 10000]", min=0
     ),
     skirts: bool = switch(
         "--skirts", "3dtiles: strips along tiles' borders that cover gaps between levels."
@@ -54,8 +57,11 @@ def command(
         fail(f"{output}: a folder or a .glb is written; `umbel extract` writes {suffix}", USAGE)
     is_glb = suffix == ".glb"
     chosen = format or (ExportFormat.glb if is_glb else ExportFormat.tiles)
-    if chosen is not ExportFormat.tiles and (skirts or up is not None):
-        fail(f"--skirts and --up are for --format 3dtiles, not {chosen.value}", USAGE)
+    counts = {"tile_triangles": tile_triangles, "implicit_above": implicit_above}
+    given = {name: count for name, count in counts.items() if count is not None}
+    if chosen is not ExportFormat.tiles and (given or skirts or up is not None):
+        flags = "--tile-triangles, --implicit-above, --skirts and --up"
+        fail(f"{flags} are for --format 3dtiles, not {chosen.value}", USAGE)
     if chosen is ExportFormat.viewer and flatten:
         fail("--flatten is for --format 3dtiles and glb, not viewer", USAGE)
     if chosen is ExportFormat.glb:
@@ -74,8 +80,7 @@ def command(
             report = export_tiles(
                 path,
                 output,
-                tile_triangles=tile_triangles,
-                implicit_above=implicit_above,
+                **given,
                 skirts=skirts,
                 flatten=flatten,
                 up=None if up is None else up.value,

@@ -42,6 +42,8 @@ def test_a_glb_by_its_name(umbel_command: Umbel, asset: Path, tmp_path: Path) ->
     assert (done.json["format"], done.json["files"]) == ("glb", 1)
     assert done.json["bytes"] == (tmp_path / "a.glb").stat().st_size
     assert umbel_command("export", asset, "-o", tmp_path / "b.glb", "--skirts").status == 2
+    for flag in ("--tile-triangles", "--implicit-above"):
+        assert umbel_command("export", asset, "-o", tmp_path / "b.glb", flag, 2000).status == 2
     flat = umbel_command("export", asset, "-o", tmp_path / "b.glb", "--flatten")
     assert flat.status == 0
     assert (tmp_path / "b.glb").read_bytes() == (tmp_path / "a.glb").read_bytes()
