@@ -227,14 +227,15 @@ void bind_builds(nb::class_<Bvh, TriangleQueries>& bvh) {
             nb::gil_scoped_release release;
             return Bvh::load(path.string(), wanted);
           },
-          "path"_a, "simd"_a = "auto")
+          "path"_a, "simd"_a = "auto",
+          nb::sig("def load(path: str | os.PathLike[str], simd: str = 'auto') -> Bvh"))
       .def(
           "save",
           [](const Bvh& self, const std::filesystem::path& path) {
             nb::gil_scoped_release release;
             self.save(path.string());
           },
-          "path"_a)
+          "path"_a, nb::sig("def save(self, path: str | os.PathLike[str]) -> None"))
       .def(
           "refit",
           [](Bvh& self, const MeshArrays& mesh, const nb::object& progress, uint32_t threads) {

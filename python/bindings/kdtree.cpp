@@ -163,7 +163,7 @@ void bind_kdtree(nb::module_& module) {
             nb::gil_scoped_release release;
             self.save(path.string());
           },
-          "path"_a)
+          "path"_a, nb::sig("def save(self, path: str | os.PathLike[str]) -> None"))
       .def_static(
           "load",
           [](const std::filesystem::path& path, const std::string& traversal) {
@@ -171,7 +171,8 @@ void bind_kdtree(nb::module_& module) {
             nb::gil_scoped_release release;
             return KdTree::load(path.string(), wanted);
           },
-          "path"_a, "traversal"_a)
+          "path"_a, "traversal"_a,
+          nb::sig("def load(path: str | os.PathLike[str], traversal: str) -> KdTree"))
       .def("statistics", [](const KdTree& tree) { return statistics_dict(tree.statistics()); });
 }
 

@@ -66,8 +66,8 @@ class Asset(HasTables):
 
     @property
     def meshes(self) -> list[dict[str, Any]]:
-        """Each mesh's `bounds source_triangles source_vertices source_digest levels groups clusters`,
-        and whether it has `normals tangents uvs colors`."""
+        """Each mesh's `bounds source_triangles source_vertices source_digest levels groups
+        clusters`, and whether it has `normals tangents uvs colors`."""
         return self._native.meshes
 
     @property

@@ -138,12 +138,11 @@ void SubMeshTopology::count_edges(std::span<const Triangle> result, bool by_dire
     if (!held && component_[a] != kNone && component_[a] == component_[b]) continue;
     const bool fixed = locked_[a] && locked_[b];
     const bool parity_changed = fixed ? ((e.before ^ e.after) & 1) != 0 : (e.after & 1) != 0;
-    const bool is_new = fixed && e.before == 0 && e.after == 2;
-    if (by_direction && e.net != 0)
-      violations_.push_back({a, b});
-    else if (is_new)
+    const bool is_turned = by_direction && e.net != 0;
+    const bool is_new = !is_turned && fixed && e.before == 0 && e.after == 2;
+    if (is_new)
       locked_edges_.push_back({a, b});
-    else if (parity_changed || e.after > 2 || (fixed && e.after > e.before))
+    else if (is_turned || parity_changed || e.after > 2 || (fixed && e.after > e.before))
       violations_.push_back({a, b});
   }
 }

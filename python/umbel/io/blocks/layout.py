@@ -150,6 +150,6 @@ def again(recipe: dict[str, list[Any]]) -> Any:
         native.add_table(*table)
     for name, columns, *rest, extras, numbers in recipe["parts"]:
         sets = [(kind, number, tuple(column)) for kind, number, column in extras]
-        arguments = [name, {k: tuple(column) for k, column in columns.items()}, *rest, sets]
-        native.add_part(*arguments, numbers)
+        own = {k: tuple(column) for k, column in columns.items()}
+        native.add_part(*[name, own, *rest, sets, numbers])
     return native

@@ -16,7 +16,6 @@ namespace {
 
 using testing::Random;
 
-
 struct Scene {
   Source source;
   ClusterSet clusters;
