@@ -7,7 +7,7 @@ file(GLOB_RECURSE umbel_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/*.cp
 list(FILTER umbel_sources EXCLUDE REGEX "/capi/cuda/")
 
 # Several sources in one file (CMAKE_UNITY_BUILD) compile in a fifth of the time. Those for an
-# instruction set stay alone: what they allow holds to the end of the file.
+# instruction set are compiled alone: their pragmas would hold for the sources that follow.
 set(umbel_isa_sources ${umbel_sources})
 list(FILTER umbel_isa_sources INCLUDE REGEX "_avx(2|512)\\.cpp$")
 set_source_files_properties(${umbel_isa_sources} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
@@ -27,7 +27,7 @@ target_include_directories(
 target_link_libraries(umbel_objects PUBLIC TBB::tbb PRIVATE umbel_meshoptimizer)
 set_target_properties(umbel_objects PROPERTIES UNITY_BUILD_BATCH_SIZE 16)
 if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  # GCC takes the sources for headers then.
+  # GCC then takes the sources for headers, in which it warns of types of anonymous namespaces.
   target_compile_options(umbel_objects PRIVATE -Wno-subobject-linkage)
 endif()
 

@@ -96,7 +96,7 @@ class ProcessExecutor final : public Executor {
  private:
   fs::path error_file(const Task& task) const { return unit_file(work_, task, ".said"); }
 
-  // One that is neither done nor said why was killed.
+  // A worker that neither finished nor reported an error was killed.
   int status_by_files(const Task& task) const {
     if (fs::exists(unit_file(work_, task, ".done"))) return 0;
     std::error_code error;

@@ -116,7 +116,8 @@ class Path {
     return scene_.see_through ? look_through(ray, hit, kind) : hit;
   }
 
-  /// What is opaque may lie in the plane of what a ray passes, and is looked for by itself.
+  /// An opaque surface may lie in the same plane as a transparent one, so the nearest opaque hit is
+  /// found separately.
   [[gnu::noinline]] SceneHit look_through(Ray& ray, SceneHit hit, RayKinds kind) {
     SceneHit opaque;
     for (uint32_t layer = 0; hit.hit(); ++layer) {

@@ -1,5 +1,5 @@
-// How many bytes of the heap a piece of work needs at its peak, and what it does where there are
-// none, by operator new.
+// Measures the most heap that a piece of work uses, and makes single allocations fail. Both replace
+// operator new, which sanitizers do too: there neither works.
 #pragma once
 
 #include <cstddef>

@@ -88,22 +88,22 @@ class Placement {
 };
 
 /// A node or a leaf, and its box in the first mesh's space.
-struct TreePart {
+struct BoxedNode {
   uint32_t link;
   Aabb box;
 };
 struct PartPair {
-  TreePart first, second;
+  BoxedNode first, second;
   bool is_leaves() const { return BvhData::is_leaf(first.link) && BvhData::is_leaf(second.link); }
 };
 
 /// The children of a part, or a leaf itself.
 struct Parts {
-  TreePart at[kMaxWidth];
+  BoxedNode at[kMaxWidth];
   uint32_t count = 0;
 
   template <typename ToBox>
-  Parts(const BvhData& tree, const TreePart& part, const ToBox& to_box) {
+  Parts(const BvhData& tree, const BoxedNode& part, const ToBox& to_box) {
     if (BvhData::is_leaf(part.link)) {
       at[count++] = part;
       return;

@@ -19,7 +19,7 @@ struct SubtreeCosts {
   Float4 few, many;
 };
 
-/// SubtreeCosts of one child more each; `first` is the new first one.
+/// Costs of one child more each; `first` is the new first one.
 SubtreeCosts shifted(const SubtreeCosts& costs, Float4 first) {
   return {__builtin_shufflevector(first, costs.few, 0, 4, 5, 6),
           __builtin_shufflevector(costs.few, costs.many, 3, 4, 5, 6)};

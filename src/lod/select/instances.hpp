@@ -152,7 +152,7 @@ class InstanceSpace {
 
 std::vector<Plane> to_object(std::span<const Plane> planes, const Transform& transform);
 
-/// What `make()` gives; where it throws, the sentence says of which instance.
+/// Returns make(). The message of an Error that it throws begins with the instance's number.
 template <typename Make>
 auto of_instance(size_t index, const Make& make) {
   try {

@@ -346,7 +346,7 @@ TEST(CulledSelect, units_are_those_of_the_camera) {
   EXPECT_EQ(pixel_error(1, 0, 1, 1080), std::numeric_limits<double>::infinity());
 }
 
-// In words that callers in every language know.
+// Messages have no C++ names: callers in C and Python read them too.
 TEST(CulledSelect, impossible_views_and_planes_are_named) {
   const Tables& tables = blob_dag().tables;
   const auto sentence = [&](const View& view, const Culling& culling) -> std::string {
