@@ -114,14 +114,16 @@ def save_asset(
     Returns its bytes.
 
     instances: which mesh is where: (index into `lods`, (3, 4) or (4, 4) matrix that takes column
-        vectors from the mesh to the world); or `Placements`, for millions of them. None: every
-        mesh once, where it is. More than 65,536 are stored as a tree, which is read as views need
+        vectors from the mesh to the world); or `Placements`, for millions of them. (): every mesh
+        once, where it is. More than 65,536 are stored as a tree, which is read as views need
         it (docs/instances.md): in another order than they were given.
     metadata: what `Asset.info["metadata"]` shall be.
     origin: where the asset lies: it is kept relative to that. None: where the first mesh lies.
     scene: what `Asset.scene` shall be.
     The rest is as `Lod.save` has it.
     """
+    if isinstance(instances, Placements) and not len(instances):
+        raise Error("the placements are empty, but an asset shows at least one instance")
     around = origin_of(origin if origin is not None else lods[0].origin if lods else zero_origin())
     if not len(instances) and any(not np.array_equal(lod.origin, around) for lod in lods):
         instances = [(k, np.eye(4)) for k in range(len(lods))]
