@@ -162,8 +162,8 @@ struct Image {
 /// A picture that grows: the sums of the samples so far.
 struct Film {
   uint32_t width = 0, height = 0;
-  uint32_t samples = 0;    ///< in every pixel's sum
-  std::vector<Vec3> sums;  ///< width * height
+  uint32_t samples = 0;     ///< in every pixel's sum
+  std::vector<Vec3d> sums;  ///< width * height; a sum of floats would lose light
   Statistics statistics;
   Image image() const;  ///< the means
 };

@@ -61,7 +61,7 @@ class Renderer {
         context_{scene.data(), settings_, plan_shadows(scene.data(), settings.shadow_samples)} {}
 
   /// Adds to `sums`; gives what was traced.
-  Statistics run(std::vector<Vec3>& sums, Progress& progress) {
+  Statistics run(std::vector<Vec3d>& sums, Progress& progress) {
     std::vector<Statistics> counts(tiles_.count());
     for_each_sample(progress, [&](size_t tile, size_t pixel, const Ray& ray, const Sampler& s) {
       sums[pixel] += trace_path(context_, ray, s, counts[tile]);
@@ -77,11 +77,11 @@ class Renderer {
   }
 
   /// The same for albedo and normal.
-  void run(Features& sums, Progress& progress) {
+  void run(std::vector<Vec3d>& albedo, std::vector<Vec3d>& normal, Progress& progress) {
     for_each_sample(progress, [&](size_t, size_t pixel, const Ray& ray, const Sampler& s) {
       const FirstHit hit = trace_first_hit(context_, ray, s);
-      sums.albedo.pixels[pixel] += hit.albedo;
-      sums.normal.pixels[pixel] += hit.normal;
+      albedo[pixel] += hit.albedo;
+      normal[pixel] += hit.normal;
     });
   }
 
@@ -126,14 +126,17 @@ class Renderer {
   PathContext context_;
 };
 
-}  // namespace
-
-Image Film::image() const {
-  Image result{width, height, sums};
-  const float scale = samples > 0 ? 1.0f / static_cast<float>(samples) : 0.0f;
-  for (Vec3& pixel : result.pixels) pixel = pixel * scale;
+std::vector<Vec3> means(const std::vector<Vec3d>& sums, uint32_t samples) {
+  const double scale = samples > 0 ? 1.0 / samples : 0.0;
+  std::vector<Vec3> result(sums.size());
+  std::ranges::transform(sums, result.begin(),
+                         [=](const Vec3d& sum) { return relative_to({0, 0, 0}, sum * scale); });
   return result;
 }
+
+}  // namespace
+
+Image Film::image() const { return {width, height, means(sums, samples)}; }
 
 void accumulate(const Scene& scene, const Camera& camera, const Settings& settings, Film& film,
                 const BuildOptions& options) {
@@ -141,8 +144,8 @@ void accumulate(const Scene& scene, const Camera& camera, const Settings& settin
   check(film, settings);
   Progress progress(options);
   Renderer renderer(scene, camera, settings, film);
-  std::vector<Vec3> sums = film.sums;
-  sums.resize(size_t(settings.width) * settings.height, Vec3{0, 0, 0});
+  std::vector<Vec3d> sums = film.sums;
+  sums.resize(size_t(settings.width) * settings.height, Vec3d{0, 0, 0});
   Statistics traced;
   const auto began = std::chrono::steady_clock::now();
   with_threads(options.threads, [&] { traced = renderer.run(sums, progress); });
@@ -162,14 +165,12 @@ Features features(const Scene& scene, const Camera& camera, const Settings& sett
                   const BuildOptions& options) {
   check(settings);
   Progress progress(options);
-  const std::vector<Vec3> none(size_t(settings.width) * settings.height, Vec3{0, 0, 0});
-  Features made{{settings.width, settings.height, none}, {settings.width, settings.height, none}};
+  std::vector<Vec3d> albedo(size_t(settings.width) * settings.height, Vec3d{0, 0, 0});
+  std::vector<Vec3d> normal = albedo;
   Renderer renderer(scene, camera, settings, {});
-  with_threads(options.threads, [&] { renderer.run(made, progress); });
-  const float scale = 1.0f / static_cast<float>(settings.samples);
-  for (Image* image : {&made.albedo, &made.normal})
-    for (Vec3& pixel : image->pixels) pixel = pixel * scale;
-  return made;
+  with_threads(options.threads, [&] { renderer.run(albedo, normal, progress); });
+  return {{settings.width, settings.height, means(albedo, settings.samples)},
+          {settings.width, settings.height, means(normal, settings.samples)}};
 }
 
 Picture render(const Scene& scene, const Camera& camera, const Settings& settings,

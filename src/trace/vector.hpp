@@ -15,6 +15,7 @@ inline constexpr float kPi = std::numbers::pi_v<float>;
 inline Vec3 operator*(const Vec3& a, const Vec3& b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
 inline Vec3 operator-(const Vec3& a) { return {-a.x, -a.y, -a.z}; }
 inline Vec3& operator+=(Vec3& a, const Vec3& b) { return a = a + b; }
+inline Vec3d& operator+=(Vec3d& a, const Vec3& b) { return a = a + to_double(b); }
 
 inline float max_component(const Vec3& a) { return std::max({a.x, a.y, a.z}); }
 inline float luminance(const Vec3& c) { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }

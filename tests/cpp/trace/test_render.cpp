@@ -339,6 +339,14 @@ TEST(Render, the_same_bytes_for_any_threads_and_any_passes) {
   EXPECT_NE(render(scene, camera, other).image.pixels, one.pixels);
 }
 
+TEST(Render, sums_of_many_samples_lose_no_light) {
+  const Scene scene = scene_of({}, {}, constant(0.1f));
+  const uint32_t samples = 1u << 21;
+  const Settings settings = small_picture(1, samples);
+  EXPECT_EQ(render(scene, from_above(), settings).image.pixels[0].x, 0.1f);
+  EXPECT_EQ(features(scene, from_above(), settings).albedo.pixels[0].x, 0.1f);
+}
+
 TEST(Render, every_builder_gives_the_same_picture) {
   const Mesh mesh = shapes::blob(4, 2);
   Scene scene = scene_of(mesh, {lambert(0.7f)}, Environment{});
