@@ -38,13 +38,13 @@ async function main(): Promise<void> {
   const pose = readLink(location.hash, state);
   if (matchMedia("(max-width: 700px)").matches) root.classList.add("panel-hidden");
   const search = new URLSearchParams(location.search);
-  const asset = search.get("asset") ?? document.body.dataset.asset;
+  const asset = search.get("asset") || document.body.dataset.asset;
   const title = h("div", { className: "title" });
   if (asset) title.append(h("h1", {}, nameOf(asset)), h("p", {}, "Opening …"));
   root.append(title);
   const early = asset ? AssetStream.open(asset, { budget: state.budget }) : undefined;
-  const isSingle = state.layout === "single" && !search.has("compare");
-  const preview = early && isSingle ? await showPreview(root, early, pose, state) : undefined;
+  const preview =
+    early && state.layout === "single" ? await showPreview(root, early, pose, state) : undefined;
   try {
     const { Viewer } = await import("./viewer");
     title.remove();

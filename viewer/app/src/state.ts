@@ -37,6 +37,11 @@ export interface CameraPose {
   target: [number, number, number];
 }
 
+/** The asset to compare with that the page's address names. */
+export function comparedAddress(): string | undefined {
+  return new URLSearchParams(location.search).get("compare") || undefined;
+}
+
 export function defaultState(): State {
   const isSmall = matchMedia("(max-width: 700px)").matches;
   return {
@@ -46,7 +51,7 @@ export function defaultState(): State {
     frameRate: 0,
     frozen: false,
     budget: (isSmall ? 128 : 512) * 2 ** 20,
-    layout: "single",
+    layout: comparedAddress() ? "wipe" : "single",
     wipe: 0.5,
   };
 }
@@ -68,7 +73,7 @@ export function writeLink(state: State, pose: CameraPose): string {
   link.set("pixels", String(Number(state.pixelError.toPrecision(4))));
   if (state.wireframe) link.set("wireframe", "1");
   if (state.frameRate) link.set("fps", String(state.frameRate));
-  if (state.layout !== "single") link.set("layout", state.layout);
+  if (state.layout !== defaultState().layout) link.set("layout", state.layout);
   if (state.layout === "wipe") link.set("wipe", state.wipe.toFixed(3));
   if (state.budget !== defaultState().budget)
     link.set("budget", String(Number((state.budget / 2 ** 20).toPrecision(4))));
@@ -90,7 +95,7 @@ export function readLink(hash: string, state: State): CameraPose | undefined {
   const fps = Number(link.get("fps"));
   if (fps > 0) state.frameRate = Math.min(fps, 240);
   const layout = link.get("layout");
-  if (layout === "side" || layout === "wipe") state.layout = layout;
+  if (layout === "single" || layout === "side" || layout === "wipe") state.layout = layout;
   const wipe = Number(link.get("wipe"));
   if (wipe > 0 && wipe < 1) state.wipe = wipe;
   const budget = Number(link.get("budget"));

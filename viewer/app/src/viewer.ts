@@ -11,6 +11,7 @@ import { type KeyActions, keyBindings } from "./key_bindings";
 import type { PreviewRenderer } from "./preview/preview_renderer";
 import {
   type CameraPose,
+  comparedAddress,
   defaultState,
   type Layout,
   nameOf,
@@ -161,9 +162,7 @@ export class Viewer {
 
   /** Shows the asset that the page's address names. */
   start(asset: string | undefined, opening: Opening): void {
-    const search = new URLSearchParams(location.search);
-    this.comparison.other = search.get("compare") ?? undefined;
-    if (this.comparison.other && this.state.layout === "single") this.state.layout = "wipe";
+    this.comparison.other = comparedAddress();
     this.panel.update();
     if (!asset) {
       this.error.show(

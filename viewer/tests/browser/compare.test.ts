@@ -5,6 +5,7 @@ import {
   dropAsset,
   expect,
   measureCanvas,
+  openLink,
   quiet,
   settled,
   test,
@@ -47,6 +48,30 @@ test("a wipe shows two assets, each on its side of the line", async ({ page, hos
   const own = await picture();
   expect(await page.evaluate(() => globalThis.umbelViewer?.state.wipe)).toBeGreaterThan(0.95);
   expect(await differentPixels(page, own, other)).toBeGreaterThan(0.03);
+});
+
+test("a link to one picture opens as one picture, also where another asset is named", async ({
+  page,
+  host,
+  context,
+}) => {
+  await page.goto(host.url + PAIR);
+  await settled(page);
+  await page.locator("[data-layout=single]").click();
+  const other = await openLink(page, context);
+  await expect(other.locator("[data-layout=single]")).toHaveAttribute("aria-pressed", "true");
+  await expect(other.locator(".divider")).toBeHidden();
+  await other.locator("[data-layout=side]").click();
+  await expect(other.locator(".names")).toContainText(OTHER);
+});
+
+test("addresses that name no asset are those of the page without", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=planet.umbel&compare=#pixels=6`);
+  await settled(page);
+  await expect(page.locator("[data-layout=single]")).toHaveAttribute("aria-pressed", "true");
+  await page.locator("[data-layout=wipe]").click();
+  await expect(page.locator(".names")).toContainText("Full mesh");
+  await page.waitForFunction(() => globalThis.umbelViewer?.viewport.meshes[1] !== undefined);
 });
 
 test("a file dropped on the right half is the one to compare with", async ({ page, host }) => {

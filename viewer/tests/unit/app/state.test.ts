@@ -1,5 +1,11 @@
 import { expect, test } from "vitest";
-import { defaultState, nameOf, readLink, writeLink } from "../../../app/src/state.js";
+import {
+  type CameraPose,
+  defaultState,
+  nameOf,
+  readLink,
+  writeLink,
+} from "../../../app/src/state.js";
 import { translated } from "../../../app/src/viewport/camera.js";
 
 const UTM = [448_250.125, 5_411_900.5, 312.0625] as const;
@@ -7,6 +13,7 @@ const UTM = [448_250.125, 5_411_900.5, 312.0625] as const;
 Object.assign(globalThis, {
   matchMedia: () => ({ matches: false }),
   document: { baseURI: "https://host.test/page/" },
+  location: { search: "" },
 });
 
 test.each([
@@ -26,6 +33,17 @@ test("links have the memory where it is not the usual one", () => {
   const state = defaultState();
   readLink(write(2 ** 26), state);
   expect(state.budget).toBe(2 ** 26);
+});
+
+test.each(["", "?compare=other.umbel"])("links on a page with %s have its layout", (search) => {
+  location.search = search;
+  for (const layout of ["single", "side", "wipe"] as const) {
+    const state = defaultState();
+    const pose = { position: [0, 0, 1], target: [0, 0, 0] } as CameraPose;
+    readLink(writeLink({ ...state, layout }, pose), state);
+    expect(state.layout).toBe(layout);
+  }
+  location.search = "";
 });
 
 test("links of no view mode leave it as it is", () => {
