@@ -50,6 +50,37 @@ test("a wipe shows two assets, each on its side of the line", async ({ page, hos
   expect(await differentPixels(page, own, other)).toBeGreaterThan(0.03);
 });
 
+test("keys move the line that has the focus, and not the camera", async ({ page, host }) => {
+  await page.goto(host.url + PAIR);
+  await settled(page);
+  const wipe = () => page.evaluate(() => globalThis.umbelViewer?.state.wipe);
+  const eye = () => page.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose.position);
+  const line = page.getByRole("slider", { name: "Line between the pictures" });
+  await expect(line).toHaveAttribute("aria-valuenow", "50");
+  await page.keyboard.press("Tab");
+  await page.keyboard.press("Tab");
+  await expect(line).toBeFocused();
+  const before = await eye();
+  for (const [key, at] of [
+    ["ArrowLeft", 0.48],
+    ["PageUp", 0.58],
+    ["Home", 0.02],
+    ["ArrowDown", 0.02],
+    ["End", 0.98],
+  ] as const) {
+    await page.keyboard.press(key);
+    expect(await wipe()).toBeCloseTo(at, 6);
+  }
+  await expect(line).toHaveAttribute("aria-valuenow", "98");
+  await quiet(page);
+  expect(await eye()).toEqual(before);
+  // Other keys do what they do elsewhere.
+  await page.keyboard.press("c");
+  await page.keyboard.press("c");
+  await expect(page.locator("[data-layout=side]")).toHaveAttribute("aria-pressed", "true");
+  await expect(line).toHaveCount(0);
+});
+
 test("a link to one picture opens as one picture, also where another asset is named", async ({
   page,
   host,

@@ -46,7 +46,7 @@ export function listenToDrops(hint: HTMLElement, drop: (file: File, x: number) =
 /** Reports keys that no control of the page uses; `press` returns whether it knows the key. */
 export function listenToKeys(press: (key: string) => boolean): void {
   addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.target instanceof HTMLInputElement && event.target.type === "range") return;
     if (press(event.key.length === 1 ? event.key.toLowerCase() : event.key)) event.preventDefault();
   });
