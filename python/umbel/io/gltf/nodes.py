@@ -140,14 +140,16 @@ def instance_matrices(node: Json, buffers: Buffers, index: int) -> list[Float64A
     if not extension:
         return [np.eye(4)]
     name = f"nodes[{index}] instances"
+    attributes = extension.get("attributes") or {}
+    if not attributes:
+        return [np.eye(4)]
     given = {
         key: buffers.floats(accessor, name)
-        for key, accessor in (extension.get("attributes") or {}).items()
+        for key, accessor in attributes.items()
         if key in ("TRANSLATION", "ROTATION", "SCALE")
     }
-    counts = {len(a) for a in given.values()}
-    if not given:
-        return [np.eye(4)]
+    counted = given.values() or [buffers.array(a, name)[0] for a in attributes.values()]
+    counts = {len(values) for values in counted}
     if len(counts) != 1:
         raise Error(f"{buffers.where}: {name} have attributes of different counts")
     n = counts.pop()

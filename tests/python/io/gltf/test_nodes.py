@@ -50,6 +50,18 @@ def test_gpu_instances_stand_where_nodes_would(tmp_path: Path) -> None:
     assert len(scene.instances) == n
 
 
+def test_gpu_instances_without_a_place_are_as_many_as_their_attributes_say(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    attributes = {"_COLOR": b.accessor(np.ones((3, 3), np.float32))}
+    extensions = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    b.scene(b.node(mesh=b.tetra(), extensions=extensions))
+    path = tmp_path / "scene.glb"
+    path.write_bytes(b.glb())
+    with pytest.warns(LoadWarning, match="the instances' attributes _COLOR"):
+        scene = load_scene(path)
+    assert [instance.transform.tolist() for instance in scene.instances] == [np.eye(4).tolist()] * 3
+
+
 def test_transforms_compose_from_parent_to_child(tmp_path: Path) -> None:
     b = GltfBuilder()
     half = float(np.sqrt(0.5))
