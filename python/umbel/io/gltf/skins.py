@@ -31,7 +31,8 @@ class Skin:
         slots = {node: slot for slot, node in enumerate(self.joints)}
         #: The index in `joints` of each of the source's numbers.
         self.numbers: UInt32Array = np.array([slots[node] for node in named], np.uint32)
-        self.name = next((s["name"] for s in skins if s.get("name")), "")
+        #: Those of the source's skins, each once.
+        self.names = list(dict.fromkeys(s["name"] for s in skins if s.get("name")))
         self.extras = [skin["extras"] for skin in skins if "extras" in skin]
         #: The joint of vertices that no other moves.
         self.still = 0
@@ -56,8 +57,8 @@ class Skin:
             inverse[:, 3] = (0, 0, 0, 1)
             columns = inverse.transpose(0, 2, 1).reshape(-1, 16)
             skin: Json = {"inverseBindMatrices": arrays.array(columns, "MAT4")}
-            if self.name:
-                skin["name"] = self.name
+            if self.names:
+                skin["name"] = self.names[0]
             if len(self.extras) == 1:
                 skin["extras"] = self.extras[0]
             self._made[key] = len(self.skins)

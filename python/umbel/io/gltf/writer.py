@@ -114,6 +114,8 @@ class _Writer:
         skin = Skin(self.scene.tree, self.nodes, meshes)
         if len(skin.extras) > 1:
             self.lost.append("the extras of skins, as they become one")
+        if len(skin.names) > 1:
+            self.lost.append("the names of skins but the first, as they become one")
         if skin.usable(self.nodes):
             self.roots += range(before, len(self.nodes))
             self.every = worlds(self.nodes)
