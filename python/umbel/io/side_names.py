@@ -20,6 +20,8 @@ class SideNames:
     ) -> None:
         self._path, self._written_with, self._taken = path, written_with, set(taken)
         self.ours: list[str] = []
+        #: The first number that no name of a stem and suffix has.
+        self._numbers: dict[tuple[str, str], int] = {}
 
     @cached_property
     def _replaced(self) -> set[str]:
@@ -27,10 +29,12 @@ class SideNames:
 
     def new(self, stem: str, suffix: str, chunks: Sequence[bytes]) -> str:
         """A name for a file of these bytes, with a number where `stem` is another's."""
-        name, number = f"{stem}{suffix}", 0
+        number = self._numbers.get((stem, suffix), 0)
+        name = f"{stem}_{number}{suffix}" if number else f"{stem}{suffix}"
         while name in self._taken or not self._is_free(name, chunks):
             number += 1
             name = f"{stem}_{number}{suffix}"
+        self._numbers[stem, suffix] = number + 1
         self._taken.add(name)
         if not os.path.lexists(self._path.with_name(name)) or name in self._replaced:
             self.ours.append(name)

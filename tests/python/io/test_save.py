@@ -19,6 +19,7 @@ from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Material, Mesh
 from umbel.io import load, save
 from umbel.io.blocks import open_source
+from umbel.io.side_names import SideNames
 from umbel.io.textures.images import TextureImage
 from umbel.scale.build_asset import build_asset
 
@@ -251,6 +252,33 @@ def test_an_image_that_stays_is_not_replaced_by_another(tmp_path: Path) -> None:
         assert sorted(contents(tmp_path)) == [
             "a.mtl", "a.obj", "a_base_color.png", "a_base_color_1.png"
         ]  # fmt: skip
+
+
+def test_names_of_many_files_of_one_stem_take_time_that_grows_with_their_number(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked_at: list[str] = []
+
+    class Names(set[str]):
+        def __contains__(self, name: object) -> bool:
+            looked_at.append(str(name))
+            return super().__contains__(name)
+
+    names = SideNames(tmp_path / "a.obj", lambda _: set())
+    monkeypatch.setattr(names, "_taken", Names())
+    given_names = [names.new("a", ".png", [b"%d" % k]) for k in range(100)]
+    assert given_names == ["a.png", *(f"a_{k}.png" for k in range(1, 100))]
+    assert len(looked_at) == 100
+
+
+def test_colours_of_any_size_are_clamped_in_ply_without_a_word_of_numpy(tmp_path: Path) -> None:
+    colors = np.ones((4, 4), np.float32)
+    colors[1] = 3e38
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        warnings.simplefilter("ignore", LoadWarning)
+        save(tmp_path / "a.ply", Mesh(TETRA_POSITIONS, TETRA_TRIANGLES, colors=colors))
+    assert load(tmp_path / "a.ply").colors.max() == 1
 
 
 @pytest.mark.parametrize("extension", SEVERAL)

@@ -39,7 +39,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
             fields += [(name, "<f4", array[:, k]) for k, name in enumerate(names)]
     is_rounded = False
     if mesh.colors is not None:
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             exact = mesh.colors * np.float32(255.0)
             exact[:, :3] = to_srgb(mesh.colors[:, :3]) * np.float32(255.0)
             colors = np.nan_to_num(np.clip(np.rint(exact), 0, 255)).astype(np.uint8)
