@@ -393,7 +393,7 @@ def _loaded(path: Path, source: str, allow_outside: bool) -> Scene:
 
 
 def _is_current(output: Path, origin: dict[str, Any]) -> bool:
-    """Whether the asset is of the same file, by the same flags and the same version."""
+    """Whether the asset is whole, and of the same file, by the same flags and version."""
     found = stored(output)
     if found is None or origin["sha256"] is None:
         return False
@@ -402,7 +402,18 @@ def _is_current(output: Path, origin: dict[str, Any]) -> bool:
 
     source = found.get("source", {})
     same = all(source.get(key) == value for key, value in plain(origin).items())
-    return same and found.get("generator") == f"umbel {__version__}"
+    return same and found.get("generator") == f"umbel {__version__}" and is_whole(output)
+
+
+def is_whole(asset: Path) -> bool:
+    """Whether every checksum of an asset holds."""
+    from umbel import _umbel
+    from umbel.errors import Error
+
+    try:
+        return _umbel.Asset(asset).is_whole()
+    except Error:
+        return False
 
 
 def _rate(report: dict[str, Any], seconds: float) -> float:

@@ -19,6 +19,8 @@ import pytest
 import umbel
 from helpers.commands import COMMAND, Outcome, Umbel
 from umbel.cli.building import pool
+from umbel.cli.building.build_file import is_whole
+from umbel.io.textures.images import TextureImage
 from umbel.lod.metadata import stored
 
 SUFFIXES = (".obj", ".ply", ".glb")
@@ -156,6 +158,10 @@ def test_unchanged_files_are_left_alone(umbel_command: Umbel, tmp_path: Path) ->
     asset = out / "3.umbel"
     asset.write_bytes(asset.read_bytes()[:-1])  # cut short
     assert statuses() == ["unchanged", "unchanged", "unchanged", "built"]
+    whole = asset.read_bytes()
+    asset.write_bytes(whole[:-9] + bytes([whole[-9] ^ 1]) + whole[-8:])  # damaged
+    assert statuses() == ["unchanged", "unchanged", "unchanged", "built"]
+    assert asset.read_bytes() == whole
     assert statuses("--max-triangles", 64) == ["built"] * 4
     assert statuses("--max-triangles", 64) == ["unchanged"] * 4
     assert statuses("--precision", "12bits") == ["built"] * 4
@@ -163,6 +169,21 @@ def test_unchanged_files_are_left_alone(umbel_command: Umbel, tmp_path: Path) ->
     assert one["status"] == "built"  # of another file
     one = umbel_command("build", source / "1.obj", "-o", asset, "--skip-unchanged", "--json").json
     assert one["status"] == "unchanged"
+
+
+def test_an_asset_with_any_damage_is_not_whole(tmp_path: Path) -> None:
+    """In tables, pages, the hierarchy and images."""
+    mesh = umbel.shapes.torus(9, 5)
+    image = TextureImage(data=b"\x89PNG\r\n\x1a\n" + bytes(range(256)))
+    mesh.materials = [umbel.Material(images={"base_color": image})]
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel")
+    whole = (tmp_path / "a.umbel").read_bytes()
+    damaged = tmp_path / "b.umbel"
+    for at in range(0, len(whole), 7):
+        damaged.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        assert not is_whole(damaged), at
+    damaged.write_bytes(whole)
+    assert is_whole(damaged)
 
 
 def test_metadata_hold_no_folder_and_no_time(umbel_command: Umbel, tmp_path: Path) -> None:
