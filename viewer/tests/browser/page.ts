@@ -21,6 +21,7 @@ interface PageViewer {
       pixelError: number;
       isSettled: boolean;
       position: { toArray(): number[] };
+      scale: { toArray(): number[] };
       textures: { bytes: number; missing: number; resident: number };
       pages: ReadonlyMap<number, number>;
       children: unknown[];

@@ -178,6 +178,14 @@ def main() -> None:
     big = umbel.shapes.blob(7, seed=5)
     umbel.build_lod(big, precision="16bits").save(folder / "planet.umbel")
     dump(folder / "planet.umbel")
+    # One shape in several sizes, without normals and with them.
+    shape = umbel.shapes.blob(4, seed=5)
+    directions = shape.positions / np.linalg.norm(shape.positions, axis=1, keepdims=True)
+    for exponent in (-21, -3, 0, 15):
+        positions = (shape.positions.astype(np.float64) * 10.0**exponent).astype(np.float32)
+        for kind, normals in (("flat", None), ("smooth", directions)):
+            sized = umbel.Mesh(positions, shape.triangles, normals=normals)
+            umbel.build_lod(sized).save(folder / f"{kind}_1e{exponent}.umbel")
     # Coarse triangles that stick out of the source.
     random = np.random.default_rng(1)
     corners = random.random((2000, 1, 3)) + 0.05 * random.normal(size=(2000, 3, 3))

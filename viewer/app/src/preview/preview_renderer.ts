@@ -19,6 +19,7 @@ import {
   depthsOf,
   FIELD_OF_VIEW,
   homePose,
+  sceneUnit,
   translated,
   UNTEXTURED_ERROR_FACTOR,
 } from "../viewport/camera";
@@ -102,7 +103,8 @@ export class PreviewRenderer {
       ? translated(pose, stream.info.origin, -1)
       : homePose(boundsOf(stream.info), width / height);
     const distance = Math.hypot(...position.map((x, i) => x - (sphere.center[i] as number)));
-    const { near, far } = depthsOf(distance, sphere.radius);
+    const unit = sceneUnit(sphere.radius);
+    const { near, far } = depthsOf(unit * distance, unit * sphere.radius);
     const projection = perspective(FOV, width / height, near, far);
     const view = viewMatrix(position, target);
     gl.uniformMatrix4fv(this.uniform("projection"), false, projection);
@@ -118,7 +120,7 @@ export class PreviewRenderer {
         return { mesh, view: { ...camera, planes, offscreen: OFFSCREEN } };
       }),
     );
-    return modelViews;
+    return modelViews.map((matrix) => matrix.map((x, i) => (i % 4 < 3 ? unit * x : x)));
   }
 
   private uniform(name: string): WebGLUniformLocation | null {

@@ -36,6 +36,16 @@ export function boundingSphereOf(info: Boxes): Sphere {
   };
 }
 
+/**
+ * Lengths in the scene for each of an asset: a power of two, so that positions round the same. Shaders
+ * square lengths, and the controls ignore small ones, so the scene is neither very small nor very large.
+ */
+export function sceneUnit(radius: number): number {
+  if (!(radius > 0)) return 1;
+  const exponent = Math.floor(Math.log2(radius));
+  return 2 ** Math.min(Math.min(Math.max(exponent, 0), 12) - exponent, 58);
+}
+
 /** The nearest pose that shows a whole box; `aspect` is the picture's width over height. */
 export function homePose({ low, high }: Bounds, aspect: number): CameraPose {
   const center = centerOf({ low, high });
@@ -64,6 +74,12 @@ export function translated(
 ): CameraPose {
   const move = (point: Point) => point.map((x, i) => x + sign * (origin[i] as number)) as Point;
   return { position: move(position), target: move(target) };
+}
+
+/** A pose with all lengths multiplied by `factor`. */
+export function scaled({ position, target }: CameraPose, factor: number): CameraPose {
+  const scale = (point: Point) => point.map((x) => factor * x) as Point;
+  return { position: scale(position), target: scale(target) };
 }
 
 /** The depth range of a sphere whose centre is `distance` away. */

@@ -5,7 +5,7 @@ import { MOUSE, PerspectiveCamera, TOUCH, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { UmbelMesh } from "umbel/three";
 import type { CameraPose } from "../state";
-import { boundingSphereOf, depthsOf, FIELD_OF_VIEW, homePose, translated } from "./camera";
+import { boundingSphereOf, depthsOf, FIELD_OF_VIEW, homePose, scaled, translated } from "./camera";
 
 /** Whether the camera moves on for a moment after a drag. */
 const HAS_DAMPING = !matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -14,6 +14,8 @@ export class OrbitCamera {
   readonly perspective = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
   /** Position of the scene's zero in the world. */
   origin: readonly [number, number, number] = [0, 0, 0];
+  /** Lengths in the scene for each in the world. */
+  unit = 1;
   private readonly controls: OrbitControls;
   private home: Vector3 | undefined;
 
@@ -40,11 +42,11 @@ export class OrbitCamera {
       position: this.perspective.position.toArray(),
       target: this.controls.target.toArray(),
     };
-    return translated(pose, this.origin, 1);
+    return translated(scaled(pose, 1 / this.unit), this.origin, 1);
   }
 
   setPose(pose: CameraPose): void {
-    const { position, target } = translated(pose, this.origin, -1);
+    const { position, target } = scaled(translated(pose, this.origin, -1), this.unit);
     this.perspective.position.set(...position);
     this.controls.target.set(...target);
     // An update without damping also ends the current movement.
@@ -62,7 +64,7 @@ export class OrbitCamera {
     const { min, max } = mesh.shownBox();
     const pose = homePose({ low: min.toArray(), high: max.toArray() }, aspect);
     const { position } = this.perspective;
-    const move = position.distanceTo(new Vector3(...pose.position));
+    const move = position.distanceTo(new Vector3(...scaled(pose, this.unit).position));
     if (least > 0 && move <= least * position.distanceTo(this.target)) return;
     this.setPose(translated(pose, this.origin, 1));
     this.home = position.clone();
@@ -93,10 +95,10 @@ export class OrbitCamera {
 
   /** Fits the depth range and the zoom limits to a mesh. */
   fitTo(mesh: UmbelMesh): void {
-    const { center, radius } = boundingSphereOf(mesh.info);
-    const distance = this.perspective.position.distanceTo(
-      new Vector3(...center).add(mesh.position),
-    );
+    const { center, radius: meshRadius } = boundingSphereOf(mesh.info);
+    const radius = meshRadius * this.unit;
+    const middle = new Vector3(...center).multiplyScalar(this.unit).add(mesh.position);
+    const distance = this.perspective.position.distanceTo(middle);
     Object.assign(this.perspective, depthsOf(distance, radius));
     this.perspective.updateProjectionMatrix();
     this.controls.minDistance = radius * 1e-3;

@@ -4,6 +4,7 @@ import {
   Color,
   LineBasicMaterial,
   type Material,
+  MeshPhysicalMaterial,
   Raycaster,
   Scene,
   Vector2,
@@ -12,6 +13,7 @@ import {
 import type { ClusterInfo, UmbelIntersection, UmbelMesh } from "umbel/three";
 import { MAX_PIXEL_RATIO, type State } from "../state";
 import { Background } from "./background";
+import { boundingSphereOf, sceneUnit } from "./camera";
 import { ClusterBoxes } from "./cluster_boxes";
 import { makeEnvironment } from "./environment";
 import { dividerAt, type Pane, panesOf } from "./layout";
@@ -38,8 +40,8 @@ export interface FrameCounts {
 export interface PickedCluster {
   mesh: UmbelMesh;
   cluster: ClusterInfo;
+  /** In the world, as the point. */
   distance: number;
-  /** In the world. */
   point: number[];
 }
 
@@ -136,9 +138,15 @@ export class Viewport {
       this.scene.add(mesh);
     }
     if (side === 0) this.framedCut = -1;
-    // The scene's zero is that of the first asset, so drawn coordinates are small.
-    this.camera.origin = this.meshes[0]?.origin ?? [0, 0, 0];
-    for (const each of this.meshes) each?.setSceneOrigin(this.camera.origin);
+    // The scene's zero is that of the first asset, so drawn coordinates are small, and so is its unit.
+    const [first] = this.meshes;
+    this.camera.origin = first?.origin ?? [0, 0, 0];
+    this.camera.unit = first ? sceneUnit(boundingSphereOf(first.info).radius) : 1;
+    for (const each of this.meshes) {
+      each?.setSceneOrigin(this.camera.origin);
+      each?.position.multiplyScalar(this.camera.unit);
+      each?.scale.setScalar(this.camera.unit);
+    }
     this.apply();
   }
 
@@ -176,6 +184,11 @@ export class Viewport {
     material.polygonOffset = wireframe;
     material.polygonOffsetFactor = 1;
     material.polygonOffsetUnits = 1;
+    // The one length of materials in the scene's unit.
+    if (material instanceof MeshPhysicalMaterial) {
+      material.userData.attenuationDistance ??= material.attenuationDistance;
+      material.attenuationDistance = material.userData.attenuationDistance * this.camera.unit;
+    }
     this.background.prepare(material, ...this.size);
   }
 
@@ -272,7 +285,7 @@ export class Viewport {
     let u = (x - rectangle.left) / rectangle.width;
     const v = (y - rectangle.top) / rectangle.height;
     const { layout, wipe } = this.state;
-    const { perspective, origin } = this.camera;
+    const { perspective, origin, unit } = this.camera;
     let [mesh] = this.meshes;
     perspective.aspect = rectangle.width / rectangle.height;
     if (layout !== "single" && this.meshes[1]) {
@@ -288,8 +301,8 @@ export class Viewport {
     raycaster.setFromCamera(new Vector2(2 * u - 1, 1 - 2 * v), perspective);
     const [nearest] = raycaster.intersectObject(mesh, false) as UmbelIntersection[];
     if (!nearest) return undefined;
-    const point = nearest.point.toArray().map((at, i) => at + (origin[i] as number));
-    return { mesh, cluster: nearest.cluster, distance: nearest.distance, point };
+    const point = nearest.point.toArray().map((at, i) => at / unit + (origin[i] as number));
+    return { mesh, cluster: nearest.cluster, distance: nearest.distance / unit, point };
   }
 
   /** The current picture on a background, as PNG. */
