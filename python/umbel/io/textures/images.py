@@ -87,9 +87,13 @@ def decode(data: bytes, what: str) -> NDArray[np.uint8]:
                 if image.width * image.height > _MOST_PIXELS:
                     raise Error(f"{what} has {image.width} x {image.height} pixels, too many")
                 if image.mode.startswith(("I;16", "I")):  # 16 bits a channel: Pillow would clip
-                    high = np.asarray(image).astype(np.uint32) >> 8
-                    low = Image.fromarray(high.astype(np.uint8))
-                    return np.ascontiguousarray(low.convert("RGBA"), np.uint8)
+                    values = np.asarray(image).astype(np.uint32)
+                    low = Image.fromarray((values >> 8).astype(np.uint8))
+                    out = np.array(low.convert("RGBA"), np.uint8)
+                    out[..., 3] = np.where(values == image.info.get("transparency"), 0, 255)
+                    return out
+                if image.format == "PNG":
+                    _fit_clear_color(image, depth=data[24])
                 return np.ascontiguousarray(image.convert("RGBA"), np.uint8)
     except Error:
         raise
@@ -97,6 +101,15 @@ def decode(data: bytes, what: str) -> NDArray[np.uint8]:
         raise Error(f"{what} cannot be decoded: it is damaged or of no known format") from None
     except Exception as error:  # Pillow's plugins raise whatever they like on damaged files
         raise Error(f"{what} cannot be decoded: {error}") from None
+
+
+def _fit_clear_color(image: Any, depth: int) -> None:
+    """Pillow makes pixels 8 bits deep, but leaves the colour of those that are not there."""
+    clear = image.info.get("transparency")
+    if image.mode == "RGB" and isinstance(clear, tuple) and depth == 16:
+        image.info["transparency"] = tuple(value >> 8 for value in clear)
+    if image.mode == "L" and isinstance(clear, int) and clear < 1 << depth < 256:
+        image.info["transparency"] = clear * 255 // ((1 << depth) - 1)
 
 
 def beside(folder: Path | None, name: str) -> Path | None:
