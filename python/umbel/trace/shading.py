@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbel import _umbel
 from umbel.errors import Error, LoadWarning
@@ -20,6 +21,9 @@ from umbel.trace.shading_layers import NO_TEXTURE, SRGB_TEXTURES, Use, add_layer
 
 #: Up, and the front from which azimuths count: glTF's and OBJ's axes, and those of CAD and maps.
 AXES = {"y": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), "z": ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))}
+
+#: The longest side of a texture that the tracer takes.
+_LONGEST = 65_536
 
 #: Slots whose colours are sRGB-encoded.
 _SRGB = ("base_color", "emissive", *SRGB_TEXTURES)
@@ -198,6 +202,13 @@ class Shading:
                 self._say(f"material {name!r} loses a texture: {error}")
                 self._indices[key] = -1
                 return -1
+            height, width = texels.shape[:2]
+            if max(width, height) > _LONGEST:
+                texels = _fitted(texels, image.nearest)
+                self._say(
+                    f"material {name!r} gets a texture of {width} x {height} texels at "
+                    f"{texels.shape[1]} x {texels.shape[0]}"
+                )
             wrap = [getattr(_umbel.TraceWrap, w) for w in (image.wrap_u, image.wrap_v)]
             self._indices[key] = len(self.textures)
             self.textures.append(_umbel.TraceTexture(texels, srgb, image.nearest, *wrap))
@@ -206,6 +217,19 @@ class Shading:
     def _say(self, sentence: str) -> None:
         if self._warn:
             warnings.warn(sentence, LoadWarning, stacklevel=2)
+
+
+def _fitted(texels: NDArray[np.uint8], nearest: bool) -> NDArray[np.uint8]:
+    """With sides that are short enough. Each channel by itself: alpha hides no colours here."""
+    from PIL import Image
+
+    height, width = (min(side, _LONGEST) for side in texels.shape[:2])
+    method = Image.Resampling.NEAREST if nearest else Image.Resampling.BOX
+    bands = [
+        np.asarray(Image.fromarray(np.ascontiguousarray(band)).resize((width, height), method))
+        for band in np.moveaxis(texels, -1, 0)
+    ]
+    return np.stack(bands, axis=-1)
 
 
 def plain(albedo: float = 0.75) -> _umbel.TraceMaterial:

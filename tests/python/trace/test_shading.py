@@ -51,6 +51,19 @@ def quadrants(channels: str = "rgba") -> np.ndarray:
     return np.ascontiguousarray(rgba[:, :, ["rgba".index(c) for c in channels]])
 
 
+def plain_png(depth: int, kind: int, pixels: bytes, width: int, clear: tuple[int, ...]) -> bytes:
+    """One row of pixels, of which those of a colour are not there."""
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        ends = struct.pack(">I", len(data)), struct.pack(">I", zlib.crc32(name + data))
+        return ends[0] + name + data + ends[1]
+
+    header = struct.pack(">2I5B", width, 1, depth, kind, 0, 0, 0)
+    parts = [chunk(b"IHDR", header), chunk(b"tRNS", struct.pack(f">{len(clear)}H", *clear))]
+    parts += [chunk(b"IDAT", zlib.compress(b"\0" + pixels)), chunk(b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
 def textured(tmp_path: Path, data: bytes, kind: str) -> Path:
     texture = {"sampler": 0, "extensions": {"KHR_texture_basisu": {"source": 0}}}
     return write_square(
@@ -125,6 +138,39 @@ def test_webp_and_avif(tmp_path: Path, kind: str) -> None:
     file = io.BytesIO()
     Image.fromarray(quadrants().repeat(8, 0).repeat(8, 1)).save(file, kind.upper(), quality=100)
     assert names(seen(textured(tmp_path, file.getvalue(), f"image/{kind}"))) == "rgbw"
+
+
+@pytest.mark.parametrize(
+    ("depth", "pixels", "clear"),
+    [(2, b"\x1b", 1), (4, b"\x01\x23", 1), (8, b"\0\1\2\3", 1), (16, b"\0\5\1\5\1\6\2\5", 0x105)],
+)
+def test_greys_of_any_depth_that_a_png_leaves_out_are_transparent(
+    depth: int, pixels: bytes, clear: int
+) -> None:
+    texels = decode(plain_png(depth, 0, pixels, 4, (clear,)), "x")
+    assert texels[0, :, 3].tolist() == [255, 0, 255, 255]
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+def test_the_colour_that_a_png_leaves_out_is_transparent(depth: int) -> None:
+    colors = np.array([[9, 8, 7], [9, 8, 6]]) << (depth - 8)
+    pixels = colors.astype(f">u{depth // 8}").tobytes()
+    texels = decode(plain_png(depth, 2, pixels, 2, tuple(colors[1])), "x")
+    assert texels.tolist() == [[[9, 8, 7, 255], [9, 8, 6, 0]]]
+
+
+@pytest.mark.parametrize("nearest", [False, True])
+def test_a_texture_that_is_too_wide_is_made_smaller(tmp_path: Path, nearest: bool) -> None:
+    file = io.BytesIO()
+    Image.fromarray(quadrants().repeat(50_000, 1)).save(file, "PNG", compress_level=1)
+    path = write_square(
+        tmp_path / "a.gltf",
+        emitting() | {"name": "paint"},
+        image={"uri": data_uri(file.getvalue(), "image/png")},
+        sampler={"magFilter": 9728 if nearest else 9729},
+    )
+    with pytest.warns(umbel.LoadWarning, match="'paint' gets .* 100000 x 2 .* 65536 x 2$"):
+        assert names(seen(path), rows=(2, 13)) == "rgbw"
 
 
 @pytest.mark.parametrize("image", [{"uri": "../out.png"}, {"uri": "data:image/png;base64,!"}, {}])
