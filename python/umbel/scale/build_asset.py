@@ -285,6 +285,7 @@ def build_with(
             folder.remove()
             if staging:
                 staging.remove()
+            place.remove()
         if _LOST in str(error) and len(place.files) == 1:
             named = Error(f"{place.files[0]}: {error}")
             named.code = error.code

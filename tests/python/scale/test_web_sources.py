@@ -78,6 +78,15 @@ def test_missing_tile(web: str, tmp_path: Path) -> None:
         build_asset(f"{web}/*.obj", tmp_path / "a.umbel", unit_triangles=UNIT)
 
 
+def test_no_copies_of_tiles_are_left(web: str, tiles: list[Path], tmp_path: Path) -> None:
+    names = [f"{web}/{tile.name}" for tile in tiles]
+    with pytest.raises(umbel.Error, match="none"):
+        build_asset([*names, f"{web}/none.ply"], tmp_path / "a.umbel", unit_triangles=UNIT)
+    assert not list((tmp_path / "temporary").iterdir())
+    build_asset(names, tmp_path / "a.umbel", unit_triangles=UNIT)
+    assert not list((tmp_path / "temporary").iterdir())
+
+
 def test_mended_tile_of_the_same_size_is_fetched_again(tmp_path: Path) -> None:
     """Of a server that tells when a file was changed, and nothing else."""
     (tmp_path / "web").mkdir()
