@@ -99,6 +99,13 @@ def test_build_says_what_it_made(
     assert os.listdir(tmp_path) == ["out.umbel"]
 
 
+def test_vertices_count_as_they_are_stored(umbel_command: Umbel, tmp_path: Path) -> None:
+    mesh, asset = tmp_path / "a.obj", tmp_path / "a.umbel"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv 5 5 5\nf 1 2 3\nf 1 3 4\n")
+    for command in (["info", mesh], ["build", mesh, "-o", asset], ["info", asset]):
+        assert umbel_command(*command, "--json").json["input_vertices"] == 5
+
+
 def test_build_is_the_same_on_every_run_and_thread_count(
     umbel_command: Umbel, blob_ply: Path, tmp_path: Path
 ) -> None:
