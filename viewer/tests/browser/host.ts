@@ -19,6 +19,8 @@ export class Host {
   isDown = false;
   /** Whether assets are reported as missing. */
   isMissing = false;
+  /** The Content-Security-Policy of the page. */
+  policy: string | undefined;
   /** Bytes of assets that were sent. */
   sent = 0;
   /** Damages an asset's bytes. */
@@ -63,7 +65,8 @@ export class Host {
     }
     const type = TYPES[extname(file)];
     if (type) {
-      response.writeHead(200, { "Content-Type": type });
+      const policy = this.policy ? { "Content-Security-Policy": this.policy } : {};
+      response.writeHead(200, { "Content-Type": type, ...policy });
       createReadStream(file).pipe(response);
       return;
     }

@@ -88,6 +88,28 @@ test("the transcoder is asked for again until it arrives", async ({ page, host }
   await expect(page.locator(".notes")).not.toContainText("Textures are late");
 });
 
+/** The test itself reads its pictures from data addresses. */
+const POLICY = "default-src 'self'; img-src data:; connect-src 'self' data:";
+for (const [what, policy, notes] of [
+  ["no policy for textures", POLICY, 1],
+  ["no functions from text", `${POLICY}; worker-src 'self' blob:`, 1],
+  ["no workers from blobs", `${POLICY}; script-src 'self' 'unsafe-eval'; worker-src 'self'`, 1],
+  ["all", `${POLICY}; script-src 'self' 'unsafe-eval'; worker-src 'self' blob:`, 0],
+] as const)
+  test(`KTX2 is shown where the page's policy allows it, or named: ${what}`, async ({
+    page,
+    host,
+  }) => {
+    host.policy = policy;
+    await page.goto(`${host.url}/?asset=materials.umbel#pixels=1`);
+    await settled(page);
+    const list = page.locator("#panel .notes li");
+    await expect(list.filter({ hasText: "Content-Security-Policy" })).toHaveCount(notes);
+    await expect(list).toHaveCount(1 + notes);
+    expectColors(await quartersOf(page, "webp"), [RED, GREEN, BLUE, WHITE]);
+    if (notes === 0) expectColors(await quartersOf(page, "basis"), [RED, GREEN, BLUE, WHITE]);
+  });
+
 test("the transcoder is loaded only where an asset has KTX2", async ({ page, host }) => {
   const asked: string[] = [];
   page.on("request", (request) => asked.push(request.url()));

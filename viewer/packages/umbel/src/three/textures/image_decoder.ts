@@ -17,6 +17,9 @@ export type DecodedImage = ImageBitmap | Texture;
 /** Milliseconds for the transcoding of an image, at most. */
 const PATIENCE = 30_000;
 const KTX2 = [0xab, 0x4b, 0x54, 0x58, 0x20, 0x32, 0x30, 0xbb, 0x0d, 0x0a, 0x1a, 0x0a];
+const FORBIDDEN =
+  "Textures in KTX2 are not shown: the page's Content-Security-Policy must allow " +
+  "worker-src blob: and script-src 'unsafe-eval'.";
 const OPTIONS = { colorSpaceConversion: "none", premultiplyAlpha: "none" } as const;
 
 export class ImageDecoder {
@@ -36,6 +39,7 @@ export class ImageDecoder {
   }
 
   private async loadKtx2(renderer: WebGLRenderer): Promise<KTX2Loader> {
+    await checkPolicy();
     try {
       const { KTX2Loader } = await import("three/addons/loaders/KTX2Loader.js");
       const loader = new KTX2Loader().setTranscoderPath(this.basisPath).detectSupport(renderer);
@@ -53,6 +57,24 @@ export class ImageDecoder {
       (loader) => loader.dispose(),
       () => {},
     );
+  }
+}
+
+/** Rejects if a Content-Security-Policy forbids what the transcoder does: three.js would not tell. */
+async function checkPolicy(): Promise<void> {
+  const address = URL.createObjectURL(new Blob(["new Function(''); postMessage(0);"]));
+  let worker: Worker | undefined;
+  try {
+    await new Promise((resolve, reject) => {
+      worker = new Worker(address);
+      worker.onmessage = resolve;
+      worker.onerror = reject;
+    });
+  } catch {
+    throw new UmbelError("unsupported", FORBIDDEN);
+  } finally {
+    worker?.terminate();
+    URL.revokeObjectURL(address);
   }
 }
 

@@ -215,7 +215,7 @@ export class Textures {
       image.isBusy = false;
       if (!this.isLate) this.note(LATE, false);
     } catch (error) {
-      this.failed(image, error instanceof UmbelError && error.kind === "network");
+      this.failed(image, error instanceof UmbelError ? error : undefined);
     }
     --this.active;
     if (this.isDisposed) return;
@@ -231,9 +231,11 @@ export class Textures {
   }
 
   /** Tries again later, or gives up. */
-  private failed(image: StreamedImage, isLost: boolean): void {
+  private failed(image: StreamedImage, error: UmbelError | undefined): void {
+    const isLost = error?.kind === "network";
+    const isHopeless = error?.kind === "unsupported";
     image.kept = undefined;
-    const isLast = ++image.failures >= MAX_ATTEMPTS;
+    const isLast = ++image.failures >= MAX_ATTEMPTS || isHopeless;
     // Other images do not wait for one that is late.
     image.isBroken = isLast;
     if (isLost || !isLast) {
@@ -249,7 +251,8 @@ export class Textures {
       return;
     }
     image.isBusy = false;
-    if (image.size > 0) this.note("A texture stays coarse: a larger copy could not be read.");
+    if (isHopeless) this.note(error.message);
+    else if (image.size > 0) this.note("A texture stays coarse: a larger copy could not be read.");
     else this.note(`A texture could not be read${image.name && `: ${image.name}`}.`);
   }
 
