@@ -64,7 +64,8 @@ class UMBEL_API TriangleQueries {
   TriangleQueries(const TriangleQueries&) = delete;
   TriangleQueries& operator=(const TriangleQueries&) = delete;
 
-  // Rays. A ray with a NaN, a zero direction or an empty interval hits nothing. Watertight (Woop
+  // Rays. A ray with a NaN, a zero direction or an empty interval hits nothing, and none hits what
+  // lies at a t that is too large for a float: every hit has a finite t. Watertight (Woop
   // et al. 2013): no ray through an edge or a vertex that triangles share passes between them, for
   // coordinates from 1e-15 to 1e15. Of hits at the same t the lowest primitive is reported.
   Hit intersect(const Ray& ray, const RayOptions& options = {}) const;

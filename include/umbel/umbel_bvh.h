@@ -128,7 +128,8 @@ UMBEL_C_API void umbel_bvh_free(umbel_bvh* bvh);
 // ---- queries -----------------------------------------------------------------------------------
 //
 // Queries take `count` rays or points and write as many results, in parallel. Rays and points with
-// a NaN, rays with a zero direction or an empty interval find nothing. `options` may be NULL.
+// a NaN, rays with a zero direction or an empty interval find nothing, and no ray what lies at a t
+// that is too large for a float. `options` may be NULL.
 
 /// The points origin + t * direction for t_min <= t <= t_max.
 typedef struct umbel_ray {

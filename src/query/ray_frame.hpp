@@ -24,6 +24,7 @@
 // to 2^40 instead, so that |inv| <= 1.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -112,8 +113,8 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   const Float4 seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
   const uint32_t kz = kLargestAxis[sign_bits(Float4(firsts > seconds))];
 
-  f.t_min = ray.t_min + 0.0f;  // -0 becomes 0, so that distances compare as integers
-  f.t_max = ray.t_max;
+  f.t_min = ray.t_min + 0.0f;           // -0 becomes 0, so that distances compare as integers
+  f.t_max = std::min(ray.t_max, kMax);  // a hit at a t that overflows is a miss
   f.t_unit = 1.0f;
   // Written so that a NaN anywhere, which is the largest of all, comes here and fails.
   const bool is_far = !(furthest[0] <= 0x1p66f);
@@ -124,7 +125,7 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
     f.t_unit = power_of_two(-exponent);
     const float inverse = power_of_two(exponent);
     f.t_min *= inverse;
-    f.t_max *= inverse;
+    f.t_max = std::min(f.t_max * inverse, kMax);
     d *= f.t_unit;
     a *= f.t_unit;
     largest *= f.t_unit;

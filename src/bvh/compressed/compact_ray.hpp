@@ -41,6 +41,7 @@ struct CompactFrame {
 
   /// False where the ray can hit nothing.
   UMBEL_HOST_DEVICE bool make(const CompactInfo& info, const Ray& ray) {
+    constexpr float kMax = std::numeric_limits<float>::max();
     if (!is_finite(ray.origin) || !is_finite(ray.direction) || !(ray.t_min <= ray.t_max))
       return false;
     float d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
@@ -56,7 +57,7 @@ struct CompactFrame {
     kz = a[0] > a[1] ? (a[0] > a[2] ? 0u : 2u) : (a[1] > a[2] ? 1u : 2u);
     origin = ray.origin;
     t_min = ray.t_min;
-    t_max = ray.t_max;
+    t_max = smaller(ray.t_max, kMax);  // a hit at a t that overflows is a miss
     t_unit = 1.0f;
     const bool is_far = furthest > 0x1p66f;
     if (largest < 0x1p-20f || largest > 0x1p20f || is_far) {
@@ -64,7 +65,7 @@ struct CompactFrame {
       t_unit = power_of_two(-exponent);
       const float inverse = power_of_two(exponent);
       t_min *= inverse;
-      t_max *= inverse;
+      t_max = smaller(t_max * inverse, kMax);
       for (uint32_t k = 0; k < 3; ++k) {
         d[k] *= t_unit;
         a[k] *= t_unit;

@@ -87,7 +87,7 @@ void TwoLevelBvh::visit(const TopLevel& top, const Ray& ray, const RayOptions& o
   FramedRay world, local;
   world.set(top.space, ray);
   if (!world.is_sound) return;
-  float limit = ray.t_max;
+  float limit = std::min(ray.t_max, std::numeric_limits<float>::max());
   traverse_ordered(
       top.tree, [&](const Node& node) { return world.entry(node.box(), limit); },
       [&](std::span<const uint32_t> leaf) {

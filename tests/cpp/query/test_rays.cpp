@@ -416,6 +416,25 @@ TEST(BvhOracle, origins_and_directions_may_be_any_finite_ones) {
   }
 }
 
+TEST(BvhOracle, what_lies_at_a_t_that_overflows_is_missed) {
+  const Mesh mesh = shapes::sphere(2);
+  const std::vector<Ray> missing = rays_whose_t_overflows();
+  const Ray near_the_end{{0.01f, 0.02f, -3}, 0, {0, 0, 8e-39f}};  // beyond it for the far side
+  for (const BvhConfig& config : all_configs()) {
+    if (config.tree.builder != bvh::Builder::kBinned) continue;
+    const Bvh tree = Bvh::build(mesh.view(), config);
+    std::vector<Hit> hits(9);
+    for (const Ray& ray : missing) {
+      EXPECT_EQ(tree.intersect(ray), Hit{}) << described(config);
+      EXPECT_FALSE(tree.occluded(ray)) << described(config);
+      EXPECT_EQ(tree.all_hits(ray, hits), 0u) << described(config);
+    }
+    EXPECT_NEAR(tree.intersect(near_the_end).t / 2.5e38f, 1, 0.02) << described(config);
+    EXPECT_TRUE(tree.occluded(near_the_end)) << described(config);
+    EXPECT_EQ(tree.all_hits(near_the_end, hits), 1u) << described(config);
+  }
+}
+
 // ---- what has no answer -------------------------------------------------------------------------
 
 TEST(BvhOracle, empty_meshes_answer_every_query) {

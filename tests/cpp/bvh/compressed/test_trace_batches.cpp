@@ -140,6 +140,16 @@ TEST(DeviceTrace, origins_and_directions_may_be_any_finite_ones) {
   expect_hits_of(Bvh::build(mesh.view()), tree.view(), rays);
 }
 
+TEST(DeviceTrace, what_lies_at_a_t_that_overflows_is_missed) {
+  const Mesh mesh = shapes::sphere(2);
+  const std::vector<Ray> rays = rays_whose_t_overflows();
+  const HalvedTree tree(mesh.view());
+  const Hits hits = intersect(tree.view(), rays);
+  for (size_t i = 0; i < rays.size(); ++i) EXPECT_EQ(hits[i], Hit{}) << i;
+  EXPECT_EQ(occluded(tree.view(), rays), std::vector<uint8_t>(rays.size(), 0));
+  expect_hits_of(Bvh::build(mesh.view()), tree.view(), {{{0.01f, 0.02f, -3}, 0, {0, 0, 8e-39f}}});
+}
+
 // Rays at edges and vertices of a closed surface, from within, all hit it.
 TEST(DeviceTrace, nothing_passes_between_triangles) {
   for (const float scale : {1e-15f, 1.0f, 1e15f}) {

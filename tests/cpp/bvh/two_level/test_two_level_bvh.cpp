@@ -4,6 +4,7 @@
 #include <random>
 
 #include "base/math.hpp"
+#include "bvh/oracle.hpp"
 #include "bvh/two_level/two_level_bvh.hpp"
 #include "umbel/mesh.hpp"
 #include "umbel/triangle_bvh.hpp"
@@ -119,6 +120,18 @@ TEST(TwoLevelBvh, transforms_have_inverses_and_those_without_are_refused) {
   const Vec3 corner = transform.point_to_world({1, 0, 3});
   EXPECT_TRUE(max(box.max, corner) == box.max && min(box.min, corner) == box.min);
   EXPECT_THROW(InstanceTransform(Transform{{1, 0, 0, 0, 2, 0, 0, 0, 0, 0, 1, 0}}), Error);
+}
+
+TEST(TwoLevelBvh, what_lies_at_a_t_that_overflows_is_missed) {
+  const Mesh mesh = shapes::sphere(2);
+  std::vector<BottomTree> clusters = clusters_of(mesh, 20);
+  const std::vector<ClusterInstance> instances = instances_of(clusters.size(), 0);
+  const std::vector<InstanceTransform> transforms{InstanceTransform(kIdentity)};
+  const TwoLevelBvh bvh(std::move(clusters), instances, transforms, mesh.positions, mesh.triangles);
+  for (const Ray& ray : umbel::testing::rays_whose_t_overflows()) {
+    EXPECT_FALSE(bvh.intersect(ray, {}, kPrimaryRays).hit());
+    EXPECT_FALSE(bvh.occluded(ray, {}, kPrimaryRays));
+  }
 }
 
 TEST(TwoLevelBvh, nothing_is_hit_without_instances) {
