@@ -40,6 +40,7 @@ class PythonSource : public ByteSource {
     const nb::gil_scoped_acquire acquire;
     read_.reset();
   }
+  nb::handle callable() const { return read_; }
   uint64_t size() const override { return size_; }
   void read(uint64_t offset, std::span<std::byte> out) const override {
     const nb::gil_scoped_acquire acquire;
@@ -65,6 +66,23 @@ class PythonSource : public ByteSource {
   uint64_t size_;
   nb::object read_;
 };
+
+/// An asset of bytes that Python gives.
+class SourceAsset : public Asset {
+ public:
+  explicit SourceAsset(std::shared_ptr<const PythonSource> source)
+      : Asset(source), source_(std::move(source)) {}
+  nb::handle held() const { return source_->callable(); }
+
+ private:
+  std::shared_ptr<const PythonSource> source_;
+};
+
+/// Tables that may have to be read, for which other threads may need the GIL.
+const lod::Tables& tables_of(const Asset& asset, uint32_t mesh) {
+  const nb::gil_scoped_release release;
+  return asset.tables(mesh);
+}
 
 Array<float> transforms_of(const Asset& asset) {
   std::vector<std::array<float, 12>> rows;
@@ -240,20 +258,15 @@ void bind_asset(nb::module_& module) {
             new (self) Asset(path);
           },
           "path"_a, nb::sig("def __init__(self, path: str | os.PathLike[str]) -> None"))
-      .def_static(
-          "from_source",
-          [](uint64_t size, nb::object read) {
-            auto source = std::make_shared<const PythonSource>(size, std::move(read));
-            const nb::gil_scoped_release release;
-            return Asset(std::move(source));
-          },
-          "size"_a, "read"_a)
       .def_prop_ro("info", [](const Asset& asset) { return info_dict(asset); })
       .def_prop_ro("meshes", &meshes_of)
       .def("page_sizes",
            [](const Asset& asset) {
              std::vector<uint32_t> sizes(asset.info().pages);
-             for (uint32_t p = 0; p < sizes.size(); ++p) sizes[p] = asset.page_bytes(p);
+             {
+               const nb::gil_scoped_release release;
+               for (uint32_t p = 0; p < sizes.size(); ++p) sizes[p] = asset.page_bytes(p);
+             }
              return take<uint32_t>(std::move(sizes));
            })
       .def("transforms", &transforms_of)
@@ -279,15 +292,9 @@ void bind_asset(nb::module_& module) {
       .def("found_mesh", &mesh_of_found, "found"_a)
       .def("summaries", &summaries_of, "progress"_a = nb::none())
       .def_prop_ro(
-          "tables", [](const Asset& asset) -> const lod::Tables& { return asset.tables(); },
+          "tables", [](const Asset& asset) -> const lod::Tables& { return tables_of(asset, 0); },
           nb::rv_policy::reference_internal)
-      .def(
-          "mesh_tables",
-          [](const Asset& asset, uint32_t mesh) -> const lod::Tables& {
-            const nb::gil_scoped_release release;
-            return asset.tables(mesh);
-          },
-          "mesh"_a = 0, nb::rv_policy::reference_internal)
+      .def("mesh_tables", &tables_of, "mesh"_a = 0, nb::rv_policy::reference_internal)
       .def(
           "geometry",
           [](const Asset& asset, uint32_t cluster, uint32_t mesh) {
@@ -304,16 +311,16 @@ void bind_asset(nb::module_& module) {
           "mesh",
           [](const Asset& asset, const Flat<uint32_t>& cut, uint32_t mesh) {
             return cut_dict(
-                asset.tables(mesh), [&](uint32_t cluster) { return asset.geometry(cluster, mesh); },
-                cut);
+                tables_of(asset, mesh),
+                [&](uint32_t cluster) { return asset.geometry(cluster, mesh); }, cut);
           },
           "cut"_a, "mesh"_a = 0)
       .def(
           "normal_cones",
           [](const Asset& asset, const nb::object& progress, uint32_t threads, uint32_t mesh) {
             return normal_cone_array(
-                asset.tables(mesh), [&](uint32_t cluster) { return asset.geometry(cluster, mesh); },
-                progress, threads);
+                tables_of(asset, mesh),
+                [&](uint32_t cluster) { return asset.geometry(cluster, mesh); }, progress, threads);
           },
           "progress"_a = nb::none(), "threads"_a = 0, "mesh"_a = 0)
       .def(
@@ -326,6 +333,18 @@ void bind_asset(nb::module_& module) {
             }));
           },
           "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0, "memory"_a = 0);
+  PyType_Slot slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(&traverse<SourceAsset>)},
+                         {0, nullptr}};
+  nb::class_<SourceAsset, Asset>(module, "SourceAsset", "An asset of bytes that a callable gives.",
+                                 nb::type_slots(slots))
+      .def(
+          "__init__",
+          [](SourceAsset* self, uint64_t size, nb::object read) {
+            auto source = std::make_shared<const PythonSource>(size, std::move(read));
+            const nb::gil_scoped_release release;
+            new (self) SourceAsset(std::move(source));
+          },
+          "size"_a, "read"_a);
   module.def(
       "write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "first_materials"_a,
       "files"_a, "instance_meshes"_a, "transforms"_a, "precision"_a, "page_bytes"_a,

@@ -31,7 +31,7 @@ Dict statistics_dict(const ResidencyStatistics& s) {
 }
 
 /// The clusters that one view shows, by their numbers in its mesh's tables, ascending.
-Array<uint32_t> clusters_of(const Residency& residency, uint32_t view) {
+std::vector<uint32_t> clusters_of(const Residency& residency, uint32_t view) {
   std::vector<uint32_t> clusters;
   std::shared_ptr<const AssetPage> page;
   uint32_t held = kNone;
@@ -41,25 +41,32 @@ Array<uint32_t> clusters_of(const Residency& residency, uint32_t view) {
     clusters.push_back(page->groups[c.group].group.clusters.offset + c.cluster);
   }
   std::sort(clusters.begin(), clusters.end());
-  return take<uint32_t>(std::move(clusters));
+  return clusters;
 }
 
 /// Threads may wait for the GIL to read a Python source: whoever waits for them must not hold it.
-struct PythonResidency : Residency {
-  using Residency::Residency;
+struct PythonResidency : AssetUser, Residency {
+  PythonResidency(nb::object object, const Asset& asset, const ResidencyConfig& config)
+      : AssetUser(std::move(object)), Residency(asset, config) {}
   /// On a line of a simulation, whose time is that of the steps.
-  PythonResidency(const Asset& asset, const ResidencyConfig& config, const LinkModel& link,
-                  std::shared_ptr<double> time)
-      : Residency(asset, config, make_model_loader(asset, link, time)), clock(std::move(time)) {}
+  PythonResidency(nb::object object, const Asset& asset, const ResidencyConfig& config,
+                  const LinkModel& link, std::shared_ptr<double> time)
+      : AssetUser(std::move(object)),
+        Residency(asset, config, make_model_loader(asset, link, time)),
+        clock(std::move(time)) {}
   PythonResidency(const PythonResidency&) = delete;
   ~PythonResidency() { end(); }
   void end() {
-    const nb::gil_scoped_release release;
-    close();
+    alone([&] { close(); });
   }
 
   std::shared_ptr<double> clock;
 };
+
+/// Comes before the collector takes apart what the threads read from.
+void end_before_collection(PyObject* self) {
+  if (nb::inst_ready(self)) nb::inst_ptr<PythonResidency>(self)->end();
+}
 
 double processor_seconds() {
   timespec time;
@@ -100,7 +107,11 @@ std::tuple<uint64_t, uint64_t, uint64_t, uint64_t> cost_of(const Residency& resi
 
 /// Over 60 lines: a list of methods.
 void bind_stream(nb::module_& module) {
-  nb::class_<PythonResidency>(module, "Residency", "Pages of an asset in memory.")
+  PyType_Slot slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(&traverse<PythonResidency>)},
+                         {Py_tp_finalize, reinterpret_cast<void*>(&end_before_collection)},
+                         {0, nullptr}};
+  nb::class_<PythonResidency>(module, "Residency", "Pages of an asset in memory.",
+                              nb::type_slots(slots))
       .def(
           "__init__",
           [](PythonResidency* self, const Asset& asset, uint64_t budget_bytes,
@@ -119,19 +130,20 @@ void bind_stream(nb::module_& module) {
             config.backoff_seconds = backoff_seconds;
             config.slow_seconds = slow_seconds;
             config.threads = threads;
+            nb::object object = nb::find(asset);
             const nb::gil_scoped_release release;
             if (!link) {
-              new (self) PythonResidency(asset, config);
+              new (self) PythonResidency(std::move(object), asset, config);
               return;
             }
             const auto& [latency, bandwidth, failures, slow] = *link;
-            new (self) PythonResidency(asset, config, LinkModel{latency, bandwidth, failures, slow},
+            new (self) PythonResidency(std::move(object), asset, config,
+                                       LinkModel{latency, bandwidth, failures, slow},
                                        std::make_shared<double>(0));
           },
           "asset"_a, "budget_bytes"_a, "loads_in_flight"_a, "bytes_per_step"_a,
           "evictions_per_step"_a, "groups_per_step"_a, "hysteresis"_a, "attempts"_a,
-          "backoff_seconds"_a, "slow_seconds"_a, "threads"_a, "link"_a = nb::none(),
-          nb::keep_alive<1, 2>())
+          "backoff_seconds"_a, "slow_seconds"_a, "threads"_a, "link"_a = nb::none())
       .def(
           "step",
           [](PythonResidency& residency, const std::vector<View>& views, double now) {
@@ -144,15 +156,14 @@ void bind_stream(nb::module_& module) {
               for (const auto& p : rows_of<std::array<float, 4>>(*planes))
                 one.planes.push_back({{p[0], p[1], p[2]}, p[3]});
             }
-            if (residency.clock) *residency.clock = now;
-            StreamStep step;
             double seconds = 0;
-            {
-              const nb::gil_scoped_release release;
+            const StreamStep step = residency.alone([&] {
+              if (residency.clock) *residency.clock = now;
               const double before = processor_seconds();
-              step = residency.step(list, now);
+              const StreamStep made = residency.step(list, now);
               seconds = processor_seconds() - before;
-            }
+              return made;
+            });
             Dict result = step_dict(step);
             result["seconds"] = seconds;
             return result;
@@ -161,38 +172,49 @@ void bind_stream(nb::module_& module) {
       .def(
           "clusters",
           [](const PythonResidency& residency, uint32_t view) {
-            return clusters_of(residency, view);
+            return take<uint32_t>(residency.alone([&] { return clusters_of(residency, view); }));
           },
           "view"_a)
-      .def("cost", [](const PythonResidency& residency) { return cost_of(residency); })
+      .def("cost",
+           [](const PythonResidency& residency) {
+             return residency.alone([&] { return cost_of(residency); });
+           })
       .def(
           "table",
           [](const PythonResidency& residency, const std::vector<uint32_t>& hidden_materials) {
-            std::vector<StreamCluster> shown = ordered(residency.cut());
-            std::erase_if(shown, [&](const StreamCluster& c) {
-              const lod::Cluster& cluster =
-                  residency.page(c.page)->groups[c.group].clusters[c.cluster];
-              return std::find(hidden_materials.begin(), hidden_materials.end(),
-                               cluster.material) != hidden_materials.end();
-            });
-            return take<uint32_t>(std::move(shown));
+            return take<uint32_t>(residency.alone([&] {
+              std::vector<StreamCluster> shown = ordered(residency.cut());
+              std::erase_if(shown, [&](const StreamCluster& c) {
+                const lod::Cluster& cluster =
+                    residency.page(c.page)->groups[c.group].clusters[c.cluster];
+                return std::find(hidden_materials.begin(), hidden_materials.end(),
+                                 cluster.material) != hidden_materials.end();
+              });
+              return shown;
+            }));
           },
           "hidden_materials"_a)
-      .def(
-          "wanted_pages",
-          [](const PythonResidency& residency) { return take<uint32_t>(residency.wanted_pages()); })
+      .def("wanted_pages",
+           [](const PythonResidency& residency) {
+             return take<uint32_t>(residency.alone([&] { return residency.wanted_pages(); }));
+           })
       .def("resident_pages",
            [](const PythonResidency& residency) {
-             return take<uint32_t>(residency.resident_pages());
+             return take<uint32_t>(residency.alone([&] { return residency.resident_pages(); }));
            })
       .def_prop_ro(
           "statistics",
-          [](const PythonResidency& residency) { return statistics_dict(residency.statistics()); })
-      .def("retry_failed", [](PythonResidency& residency) { residency.retry_failed(); })
+          [](const PythonResidency& residency) {
+            return statistics_dict(residency.alone([&] { return residency.statistics(); }));
+          })
+      .def("retry_failed",
+           [](PythonResidency& residency) { residency.alone([&] { residency.retry_failed(); }); })
       .def("close", &PythonResidency::end)
       .def(
           "set_budget",
-          [](PythonResidency& residency, uint64_t bytes) { residency.set_budget(bytes); },
+          [](PythonResidency& residency, uint64_t bytes) {
+            residency.alone([&] { residency.set_budget(bytes); });
+          },
           "bytes"_a);
 }
 

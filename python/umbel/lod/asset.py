@@ -40,12 +40,12 @@ class Asset(HasTables):
         if isinstance(source, (str, os.PathLike)):
             self.path = os.fspath(source)
             if "://" in self.path:
-                self._native = _umbel.Asset.from_source(*remote(self.path))
+                self._native = _umbel.SourceAsset(*remote(self.path))
             else:
                 self._native = _umbel.Asset(self.path)
         else:
             self.path = str(getattr(source, "name", source))
-            self._native = _umbel.Asset.from_source(*readable(source))
+            self._native = _umbel.SourceAsset(*readable(source))
         self._info: dict[str, Any] | None = None
 
     def __repr__(self) -> str:

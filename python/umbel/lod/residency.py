@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import time
 from collections.abc import Sequence
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,7 @@ _MOST = 2**64 - 1  # bytes
 class Residency:
     """Which pages of an asset are in memory. Each step says what views would show; what is not
     there yet is shown coarser, without holes, and loads in the background. Numbers of bytes, loads,
-    evictions, groups and attempts may be 0: no limit.
+    evictions, groups and attempts may be 0: no limit. Calls of several threads wait for each other.
 
     budget: most bytes of pages, as they are in the file; those of the root groups count.
     loads_in_flight: pages asked for and not there yet.
@@ -66,6 +68,7 @@ class Residency:
             threads,
             link,
         )
+        _open.add(self)
 
     def step(
         self,
@@ -126,6 +129,17 @@ class Residency:
     def close(self) -> None:
         """Ends loading; what is there stays."""
         self._native.close()
+        _open.discard(self)
+
+
+_open: WeakSet[Residency] = WeakSet()
+
+
+@atexit.register
+def _close_all() -> None:
+    """Threads that call Python must have ended before the interpreter does."""
+    for residency in list(_open):
+        residency.close()
 
 
 def _view(view: Camera | float) -> _umbel.View:

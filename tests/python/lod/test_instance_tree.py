@@ -1,6 +1,7 @@
 """Scenes of very many instances: placements from arrays, trees of them, what views show."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,16 @@ def test_a_camera_sees_near_instances_and_stand_ins_afar(many: umbel.Asset) -> N
     assert step.stand_ins > 0
     far = selector.settle(umbel.Camera((0, 1e7, 0), (0, 0, 0)))
     assert far.shown <= 64
+
+
+def test_threads_may_share_an_open_file_with_a_tree(many: umbel.Asset) -> None:
+    with open(many.path, "rb") as file:
+        asset = umbel.Asset(file)
+        with ThreadPoolExecutor(4) as pool:
+            counts = list(pool.map(lambda _: asset.instance_count, range(4)))
+            selector = umbel.InstanceSelector(asset)
+            steps = list(pool.map(lambda _: selector.settle(error=0.0), range(4)))
+    assert counts == [step.shown for step in steps] == [COUNT] * 4
 
 
 def test_the_same_instances_as_a_list_or_as_arrays(tmp_path: Path) -> None:

@@ -1,10 +1,15 @@
 """Assets from elsewhere than files, and residency."""
 
 import functools
+import gc
 import http.server
+import io
 import math
+import subprocess
+import sys
 import threading
 import time
+import weakref
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -127,6 +132,73 @@ def test_a_source_that_fails_or_gives_too_little_is_an_error(folder: Path) -> No
             umbel.Asset(Broken(file, -1))
     with pytest.raises(umbel.Error, match="an open file"):
         umbel.Asset(17)
+
+
+class HeldFile(io.FileIO):
+    """A file that may have attributes."""
+
+
+def test_files_that_hold_what_reads_them_are_freed(folder: Path) -> None:
+    def ring(has_residency: bool) -> weakref.ref[HeldFile]:
+        file = HeldFile(folder / "a.umbel")
+        file.asset = umbel.Asset(file)
+        if has_residency:
+            file.residency = umbel.Residency(file.asset)
+            file.residency.step([0.0])
+        return weakref.ref(file)
+
+    rings = [ring(has_residency) for has_residency in (False, True)]
+    gc.collect()
+    assert [file() for file in rings] == [None, None]
+
+
+def run(code: str, path: Path, timeout: float = 60) -> str:
+    """What a process of its own prints, as it may hang or crash."""
+    head = (
+        "import io, sys, threading, time, umbel\n"
+        "class Slow(io.FileIO):\n"
+        "    def read(self, count=-1):\n"
+        "        time.sleep(0.002)\n"
+        "        return super().read(count)\n"
+        "asset = umbel.Asset(Slow(sys.argv[1]))\n"
+    )
+    command = [sys.executable, "-c", head + code, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+@pytest.mark.parametrize("call", ["asset.mesh([0, 1])", "asset._native.normal_cones()"])
+def test_threads_that_read_an_open_file_do_not_wait_for_each_other_for_ever(
+    folder: Path, call: str
+) -> None:
+    code = (
+        f"threads = [threading.Thread(target=lambda: {call}) for _ in range(4)]\n"
+        "for thread in threads: thread.start()\n"
+        "for thread in threads: thread.join()\n"
+        "print('read')\n"
+    )
+    assert run(code, folder / "a.umbel") == "read\n"
+
+
+def test_threads_may_share_a_residency(folder: Path) -> None:
+    code = (
+        "residency = umbel.Residency(asset, budget=100_000)\n"
+        "def use(first):\n"
+        "    for k in range(500):\n"
+        "        residency.step([(0.0, 0.1, 0.001, 0.01)[(first + k) % 4]])\n"
+        "        residency.cut(), residency.resident_pages, residency.statistics\n"
+        "threads = [threading.Thread(target=use, args=(k,)) for k in range(4)]\n"
+        "for thread in threads: thread.start()\n"
+        "for thread in threads: thread.join()\n"
+        "print(residency.statistics['steps'])\n"
+    )
+    assert run(code, folder / "a.umbel") == "2000\n"
+
+
+def test_a_program_may_end_while_pages_load(folder: Path) -> None:
+    code = "residency = umbel.Residency(asset)\nprint(residency.step([0.0])['requested'] > 0)\n"
+    assert run(code, folder / "a.umbel") == "True\n"
 
 
 def test_residency_over_a_server_comes_to_the_ideal_cut(server: str) -> None:
