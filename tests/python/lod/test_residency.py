@@ -93,6 +93,9 @@ def test_a_server_without_ranges_is_called_so(folder: Path) -> None:
         address = f"http://127.0.0.1:{server.server_address[1]}"
         with pytest.raises(umbel.Error, match="sends whole files only"):
             umbel.Asset(f"{address}/a.umbel")
+        (folder / "other.txt").write_bytes(b"0123456789abcdef")
+        with pytest.raises(umbel.Error, match=r"http.*/other\.txt: this is not a \.umbel file"):
+            umbel.Asset(f"{address}/other.txt")
         with pytest.raises(umbel.Error, match=r"cannot open .*: the server answers 404 "):
             umbel.Asset(f"{address}/missing.umbel")
         server.shutdown()
@@ -115,7 +118,7 @@ def test_an_asset_opens_from_memory_an_archive_and_an_open_file(folder: Path) ->
 def test_a_source_that_fails_or_gives_too_little_is_an_error(folder: Path) -> None:
     class Broken:
         def __init__(self, file: object, keep: int) -> None:
-            self.file, self.keep = file, keep
+            self.file, self.keep, self.name = file, keep, file.name
 
         def seek(self, *args: int) -> int:
             return self.file.seek(*args)
@@ -126,7 +129,7 @@ def test_a_source_that_fails_or_gives_too_little_is_an_error(folder: Path) -> No
             return self.file.read(min(count, self.keep))
 
     with (folder / "a.umbel").open("rb") as file:
-        with pytest.raises(umbel.Error, match="gave 100 bytes"):
+        with pytest.raises(umbel.Error, match=r"a\.umbel: .*gave 100 bytes"):
             umbel.Asset(Broken(file, 100))
         with pytest.raises(umbel.Error, match="the line is dead"):
             umbel.Asset(Broken(file, -1))
