@@ -21,10 +21,12 @@ export class Choice<Key extends string> {
   private readonly buttons = new Map<Key, HTMLButtonElement>();
 
   /**
+   * @param label what is chosen, for screen readers
    * @param name the buttons' data attribute
    * @param choices text and title of each button
    */
   constructor(
+    label: string,
     className: string,
     name: string,
     choices: Readonly<Record<Key, readonly [string, string]>>,
@@ -36,7 +38,8 @@ export class Choice<Key extends string> {
       element.dataset[name] = key;
       this.buttons.set(key, element);
     }
-    this.element = h("div", { className, role: "group" }, ...this.buttons.values());
+    const group = { className, role: "group", aria: { label } };
+    this.element = h("div", group, ...this.buttons.values());
   }
 
   set(chosen: Key): void {
@@ -104,5 +107,7 @@ export class LogSlider {
     const { low, high } = this.options.range;
     this.input.value = String(Math.log(value / low) / Math.log(high / low));
     this.output.textContent = this.options.format(value);
+    // Screen readers would read the position on the scale.
+    this.input.setAttribute("aria-valuetext", this.output.textContent);
   }
 }

@@ -61,6 +61,7 @@ export class PageStrip {
 
   constructor() {
     this.element.setAttribute("role", "img");
+    this.element.setAttribute("aria-label", "No pages yet.");
   }
 
   /** @param pages the states of pages that are not absent, of `count` pages */

@@ -51,7 +51,7 @@ export class Panel {
   ) {
     this.view = new ViewSection(state, actions.change);
     this.detail = new DetailSection(state, actions.change, actions.setBudget);
-    this.layouts = new Choice("layouts", "layout", LAYOUTS, actions.setLayout);
+    this.layouts = new Choice("Comparison", "layouts", "layout", LAYOUTS, actions.setLayout);
     this.otherButton = button("Other asset …", "Compare with another asset", actions.chooseOther);
     this.recordButton = button("Record", "Record the camera (R)", actions.record, "record");
     this.replayButton = button("Replay", "Replay the recording (P)", actions.replay, "replay");

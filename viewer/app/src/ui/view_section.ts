@@ -17,7 +17,7 @@ export class ViewSection {
     private readonly state: State,
     onChange: () => void,
   ) {
-    this.modes = new Choice("view-modes", "mode", modeChoices(), (mode) => {
+    this.modes = new Choice("View mode", "view-modes", "mode", modeChoices(), (mode) => {
       state.viewMode = mode;
       onChange();
     });
