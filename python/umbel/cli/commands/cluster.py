@@ -65,6 +65,18 @@ def command(
     """Cluster a mesh and say how good the clusters are."""
     if device is Device.cuda and method is Method.bisect:
         fail("--device cuda has the methods morton and hybrid")
+    if method is None:
+        method = Method.hybrid if device is Device.cuda else Method.bisect
+    given = {
+        "--min-triangles": min_triangles,
+        "--max-vertices": max_vertices,
+        "--underfill": underfill,
+        "--overlap": overlap,
+        "--vertex-underfill": vertex_underfill,
+        "--presplit": presplit,
+        "--weights": weights != "none",
+    }
+    _check_flags(method, device, [flag for flag, value in given.items() if value])
     if output is not None:
         check_output(output, ".glb", ".npz", inputs=[source])
 
@@ -84,7 +96,7 @@ def command(
         if device is Device.cuda:
             clusters = cluster_on_device(
                 mesh,
-                (method or Method.hybrid).value,
+                method.value,
                 max_triangles,
                 min_triangles,
                 max_vertices,
@@ -104,7 +116,7 @@ def command(
                 presplit_threshold=presplit,
                 shared_vertex_weight=mix.get("shared-vertices", 0.0),
                 normal_weight=mix.get("normals", 0.0),
-                method=(method or Method.bisect).value,
+                method=method.value,
                 progress=bar,
                 threads=threads,
             )
@@ -122,6 +134,21 @@ def command(
         result["file_bytes"] = output.stat().st_size
     result["warnings"] = heard
     show(result, as_json, source)
+
+
+_TAKEN = {Method.hybrid: ["--min-triangles", "--max-vertices"], Method.morton: []}
+"""Flags of methods that do not have all."""
+
+
+def _check_flags(method: Method, device: Device, given: list[str]) -> None:
+    """Refuses flags that the method would not heed."""
+    taken = _TAKEN.get(method, given)
+    if device is Device.cuda and method is Method.hybrid:
+        taken = [*taken, "--underfill"]
+    for flag in given:
+        if flag not in taken:
+            methods = "bisect and hybrid" if flag in _TAKEN[Method.hybrid] else "bisect"
+            fail(f"{flag} is for --method {methods}, not {method.value}")
 
 
 def _write(output: Path, mesh: Mesh, clusters: Clusters) -> None:
