@@ -99,6 +99,11 @@ export class Viewer {
     this.comparison = new Comparison(host, state, this.viewport, this.loader, this.notice);
     this.recorder = new CameraRecorder(this.panel, this.notice);
     this.viewport.onFrame = (counts) => this.onFrame(counts);
+    this.viewport.onContext = (isLost) => {
+      if (isLost)
+        this.notice.show("The browser took the GPU away: the picture waits for it.", true);
+      else this.notice.hide();
+    };
     this.viewport.beforeFrame = (time) => this.recorder.beforeFrame(time, this.viewport.camera);
     this.listen(host, actions);
   }

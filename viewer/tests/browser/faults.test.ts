@@ -1,6 +1,16 @@
 import { assetBytes } from "../support/assets.js";
 import { loadAsset } from "../support/loaded_asset.js";
-import { dropAsset, expect, measureCanvas, settled, slide, statistics, test } from "./page.js";
+import {
+  canvasPicture,
+  differentPixels,
+  dropAsset,
+  expect,
+  measureCanvas,
+  settled,
+  slide,
+  statistics,
+  test,
+} from "./page.js";
 
 const PLANET = "/?asset=planet.umbel";
 
@@ -105,6 +115,23 @@ test("a file that is gone for a while is asked for again", async ({ page, host }
   const { triangles, damagedPages } = await settled(page);
   expect(triangles).toBeGreaterThan(2 * before.triangles);
   expect(damagedPages).toBe(0);
+});
+
+test("a lost GPU is reported, and the picture comes back with it", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=large.umbel#pixels=2&wireframe=1`);
+  await settled(page);
+  const before = await canvasPicture(page);
+  const extension = await page.evaluateHandle(() =>
+    globalThis.umbelViewer?.viewport.renderer.getContext().getExtension("WEBGL_lose_context"),
+  );
+  await extension.evaluate((context) => context?.loseContext());
+  await expect(page.locator(".notice.shown")).toContainText("took the GPU away");
+  await page.setViewportSize({ width: 700, height: 340 });
+  await page.setViewportSize({ width: 720, height: 360 });
+  await extension.evaluate((context) => context?.restoreContext());
+  await expect(page.locator(".notice.shown")).toHaveCount(0);
+  await settled(page);
+  expect(await differentPixels(page, before, await canvasPicture(page))).toBeLessThan(0.002);
 });
 
 test("a browser without WebGL 2 gets a message", async ({ page, host }) => {

@@ -246,6 +246,27 @@ test("the canvas has the pixels of the screen, if these change as well", async (
   await expect.poll(height).toBe(2 * before);
 });
 
+test.describe("on a very large screen", () => {
+  test.use({ viewport: { width: 6000, height: 200 }, deviceScaleFactor: 2 });
+
+  test("the canvas has no more pixels than the browser gives it", async ({ page, host }) => {
+    await page.goto(`${host.url}${PLANET}#pixels=32`);
+    await settled(page);
+    const [asked, given] = await page.evaluate(() => {
+      const { renderer } = (globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>)
+        .viewport;
+      const gl = renderer.getContext();
+      const { width, height } = renderer.domElement;
+      return [
+        [width, height],
+        [gl.drawingBufferWidth, gl.drawingBufferHeight],
+      ];
+    });
+    expect(given[0]).toBeLessThan(2 * (6000 - 300));
+    expect(asked).toEqual(given);
+  });
+});
+
 test("another link in the address bar is followed", async ({ page, host }) => {
   await page.goto(`${host.url}${COARSE}`);
   await settled(page);

@@ -171,7 +171,7 @@ export class PreviewRenderer {
     for (const each of groups.values())
       for (let i = 0; i < each.group.clusterCount; ++i)
         groupOf.set(each.group.firstCluster + i, each);
-    gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
+    gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     let runs = 0;
     this.cuts.forEach((cut, i) => {

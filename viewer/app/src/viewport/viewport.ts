@@ -58,6 +58,8 @@ export class Viewport {
   /** Whether the right mesh has the pixel error of the left one; otherwise it is exact. */
   rightFollows = false;
   onFrame: ((counts: FrameCounts) => void) | undefined;
+  /** Called when the browser takes the GPU away, and when it gives it back. */
+  onContext: ((isLost: boolean) => void) | undefined;
   /** Moves the camera before each frame; returns whether it does. */
   beforeFrame: ((time: number) => boolean) | undefined;
 
@@ -70,6 +72,8 @@ export class Viewport {
   private readonly textureWait = new TextureWait();
   /** The cut that the whole asset was shown by; undefined when that is known well enough. */
   private framedCut: number | undefined;
+  /** That of the screen, which the canvas has where it is not too large. */
+  private pixelRatio = 0;
   private isRequested = false;
   private lastFrame = 0;
   private wasMoving = false;
@@ -93,9 +97,12 @@ export class Viewport {
     new ResizeObserver(() => this.resize()).observe(host);
     this.resize();
     this.watchPixelRatio();
+    this.canvas.addEventListener("webglcontextlost", () => this.onContext?.(true));
     this.canvas.addEventListener("webglcontextrestored", () => {
       this.scene.environment = makeEnvironment();
+      this.resize();
       this.requestFrame();
+      this.onContext?.(false);
     });
   }
 
@@ -112,10 +119,20 @@ export class Viewport {
   private resize(): void {
     const { clientWidth: width, clientHeight: height } = this.host;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(pixelRatio());
+    this.pixelRatio = pixelRatio();
+    this.renderer.setPixelRatio(this.pixelRatio);
     this.renderer.setSize(width, height, false);
+    this.fitBuffer();
     this.background.paint(width, height);
     this.requestFrame();
+  }
+
+  /** Browsers give large canvases fewer pixels than they ask for: asks for as many as there are. */
+  private fitBuffer(): void {
+    const { drawingBufferWidth, drawingBufferHeight } = this.renderer.getContext();
+    const { width, height } = this.canvas;
+    const part = Math.min(drawingBufferWidth / width, drawingBufferHeight / height);
+    if (part > 0 && part < 1) this.renderer.setPixelRatio(part * this.pixelRatio);
   }
 
   /** Width and height in pixels of the page. */
@@ -223,7 +240,7 @@ export class Viewport {
 
   private frame(time: number): void {
     const start = performance.now();
-    if (this.renderer.getPixelRatio() !== pixelRatio()) this.resize();
+    if (this.pixelRatio !== pixelRatio()) this.resize();
     const interval = this.wasMoving && this.lastFrame ? time - this.lastFrame : 0;
     this.lastFrame = time;
     const isDriven = this.beforeFrame?.(time) ?? false;
