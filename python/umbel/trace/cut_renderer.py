@@ -34,6 +34,8 @@ _PAGES = 6
 chosen."""
 _BYTES_A_TRIANGLE, _BYTES_A_VERTEX, _BYTES_A_CLUSTER, _BYTES_AN_INSTANCE = 110, 12, 160, 60
 """What is traced takes, at most."""
+_ATTEMPTS, _BACKOFF = 5, 0.1
+"""To read a page; seconds before the second, twice that before the third, and so on."""
 _MOST_UV_SETS = 7
 _CAMERA_RAYS, _OTHER_RAYS, _ALL_RAYS = 1, 2, 3
 
@@ -123,7 +125,13 @@ class CutRenderer(Renderer):
 def _resident(asset: Asset, budget: int) -> Residency:
     """The pages, in their part of the budget."""
     try:
-        return Residency(asset, max(budget // _PAGES, 1), groups_per_step=(1 << 32) - 1)
+        return Residency(
+            asset,
+            max(budget // _PAGES, 1),
+            groups_per_step=(1 << 32) - 1,
+            attempts=_ATTEMPTS,
+            backoff=_BACKOFF,
+        )
     except Error as error:
         pages = re.search(r"pages of the root groups take (\d+)", str(error))
         if pages is None:
@@ -243,13 +251,17 @@ def _spread(table: NDArray[np.uint32], view_of: NDArray[np.int64]) -> NDArray[np
 
 def _load(residency: Residency, views: list[tuple[int, _umbel.View, None]]) -> bool:
     """Steps until all that the views want is there, or no more of it will come: whether it is."""
+    active = 0.0
     while True:
-        step = residency._native.step(views, time.monotonic())
+        now = time.monotonic()
+        step = residency._native.step(views, now)
         if not step["missing_groups"]:
             return True
         said = residency.statistics
         if said["given_up"]:
             raise Error(f"pages cannot be read: {said['last_problem']}")
-        if not (said["in_flight"] or step["loaded"] or step["requested"]):
-            return False
+        if said["in_flight"] or step["loaded"] or step["requested"]:
+            active = now
+        elif not said["failures"] or now > active + _BACKOFF * 2**_ATTEMPTS:
+            return False  # else pages that failed may be due again
         time.sleep(0.001)

@@ -1,5 +1,7 @@
 """Pictures of assets within a budget, and the simulation of streaming."""
 
+import io
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +66,34 @@ def test_a_budget_makes_errors_grow_until_it_is_kept(herd: Path) -> None:
         CutRenderer(asset, camera(), least)
     except umbel.Error as error:
         assert "even the coarsest cut takes" in str(error)
+
+
+class Failing(io.FileIO):
+    """A file of which each place fails so many times before it can be read; its head never does."""
+
+    failures = 0
+
+    def read(self, count: int = -1) -> bytes:
+        tries = self.__dict__.setdefault("tries", Counter())
+        tries[self.tell()] += 1
+        if self.tell() > 0 and tries[self.tell()] <= self.failures:
+            raise OSError("the server is busy")
+        return super().read(count)
+
+
+def test_pages_that_fail_are_read_again_rather_than_shown_coarser(herd: Path) -> None:
+    whole = CutRenderer(umbel.Asset(herd), camera(0.1), 64_000_000)
+    file = Failing(herd)
+    asset = umbel.Asset(file)
+    residency = umbel.Residency(asset)  # reads the coarsest pages
+    residency.close()
+    file.tries.update(dict.fromkeys(file.tries, 2))
+    file.failures = 2
+    again = CutRenderer(asset, camera(0.1), 64_000_000)
+    assert (again.pixel_error, again.triangles) == (whole.pixel_error, whole.triangles)
+    file.failures = 1 << 30
+    with pytest.raises(umbel.Error, match="the server is busy"):
+        CutRenderer(asset, camera(0.1), 64_000_000)
 
 
 def test_the_picture_is_that_of_the_same_scene_as_one_mesh(herd: Path) -> None:
