@@ -41,13 +41,18 @@ def readable(file: BinaryIO) -> tuple[int, Read]:
     """The same of an open binary file, which must stay open."""
     lock = threading.Lock()
     try:
-        size = file.seek(0, 2)
+        file.seek(0, 2)  # which gives nothing where the file is an mmap
+        size = file.tell()
     except (AttributeError, OSError, ValueError) as error:
         raise Error(f"an asset is opened from a path, a URL or an open file ({error})") from None
 
     def read(offset: int, count: int) -> bytes:
         with lock:
             file.seek(offset)
-            return file.read(count)
+            data = file.read(count)
+            # A file without a buffer may give less than there is.
+            while data and len(data) < count and (more := file.read(count - len(data))):
+                data += more
+            return data
 
     return size, read

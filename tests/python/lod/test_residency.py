@@ -5,6 +5,7 @@ import gc
 import http.server
 import io
 import math
+import mmap
 import subprocess
 import sys
 import threading
@@ -113,6 +114,16 @@ def test_an_asset_opens_from_memory_an_archive_and_an_open_file(folder: Path) ->
     expect_same(umbel.Asset(f"zip://inside/a.umbel::file://{folder / 'a.zip'}"), folder)
     with (folder / "a.umbel").open("rb") as file:
         expect_same(umbel.Asset(file), folder)
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as mapped:
+            expect_same(umbel.Asset(mapped), folder)
+    expect_same(umbel.Asset(Parts(folder / "a.umbel")), folder)
+
+
+class Parts(io.FileIO):
+    """Gives at most a thousand bytes at once."""
+
+    def read(self, count: int = -1) -> bytes:
+        return super().read(min(count, 1000))
 
 
 def test_a_source_that_fails_or_gives_too_little_is_an_error(folder: Path) -> None:
@@ -123,13 +134,16 @@ def test_a_source_that_fails_or_gives_too_little_is_an_error(folder: Path) -> No
         def seek(self, *args: int) -> int:
             return self.file.seek(*args)
 
+        def tell(self) -> int:
+            return self.file.tell()
+
         def read(self, count: int) -> bytes:
             if self.keep < 0:
                 raise OSError("the line is dead")
-            return self.file.read(min(count, self.keep))
+            return self.file.read(min(count, max(self.keep - self.tell(), 0)))
 
     with (folder / "a.umbel").open("rb") as file:
-        with pytest.raises(umbel.Error, match=r"a\.umbel: .*gave 100 bytes"):
+        with pytest.raises(umbel.Error, match=r"a\.umbel: .*gave 84 bytes"):
             umbel.Asset(Broken(file, 100))
         with pytest.raises(umbel.Error, match="the line is dead"):
             umbel.Asset(Broken(file, -1))
