@@ -11,7 +11,13 @@ const MAX_WAIT = 3000;
 
 function showError(root: HTMLElement, title: string, message: string): void {
   root.append(
-    h("div", { className: "error-card", role: "alert" }, h("h1", {}, title), h("p", {}, message)),
+    h(
+      "div",
+      { className: "error-card", role: "alert" },
+      h("h1", {}, title),
+      h("p", {}, message),
+      h("button", { type: "button", onclick: () => location.reload() }, "Try again"),
+    ),
   );
 }
 

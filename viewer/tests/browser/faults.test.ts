@@ -134,6 +134,14 @@ test("a lost GPU is reported, and the picture comes back with it", async ({ page
   expect(await differentPixels(page, before, await canvasPicture(page))).toBeLessThan(0.002);
 });
 
+test("a page that did not load whole can be loaded again", async ({ page, host }) => {
+  await page.route(/\/viewer-[^/]*\.js$/, (route) => route.abort(), { times: 1 });
+  await page.goto(`${host.url}${PLANET}#pixels=32`);
+  await expect(page.getByRole("alert")).toContainText("The viewer did not start");
+  await page.getByRole("button", { name: "Try again" }).click();
+  await settled(page);
+});
+
 test("a browser without WebGL 2 gets a message", async ({ page, host }) => {
   await page.addInitScript(() => {
     HTMLCanvasElement.prototype.getContext = () => null;
