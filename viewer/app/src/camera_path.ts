@@ -1,7 +1,7 @@
 // Camera paths: recording, replay, and their files.
 
 import { Vector3 } from "three";
-import type { CameraPose } from "./state";
+import { type CameraPose, isPoint } from "./state";
 
 interface Key extends CameraPose {
   /** Milliseconds from the start. */
@@ -77,12 +77,11 @@ export class CameraPath {
   fromFile(value: unknown): boolean {
     const file = value as Partial<PathFile> | null;
     if (file?.kind !== "umbel-camera-path" || !Array.isArray(file.keys)) return false;
-    const isVector = (v: unknown) => Array.isArray(v) && v.length === 3 && v.every(Number.isFinite);
-    if (
-      !file.keys.every((k) => Number.isFinite(k.time) && isVector(k.position) && isVector(k.target))
-    )
-      return false;
+    const isKey = (k: Partial<Key> | null) =>
+      Number.isFinite(k?.time) && isPoint(k?.position) && isPoint(k?.target);
+    if (file.keys.length < 2 || !file.keys.every(isKey)) return false;
+    this.stop();
     this.keys = file.keys;
-    return !this.isEmpty;
+    return true;
   }
 }

@@ -80,9 +80,15 @@ export function writeLink(state: State, pose: CameraPose): string {
   return link.toString().replaceAll("%2C", ",");
 }
 
-function vector(text: string | null): [number, number, number] | undefined {
-  const [x, y, z] = (text ?? "").split(",").map(Number);
-  return [x, y, z].every((n) => Number.isFinite(n) && text) ? [x, y, z] : undefined;
+/** Whether a value is a point that a camera can be at: squares of such coordinates are finite. */
+export function isPoint(value: unknown): value is [number, number, number] {
+  const isCoordinate = (x: unknown) => typeof x === "number" && Math.abs(x) <= MAX_COORDINATE;
+  return Array.isArray(value) && value.length === 3 && value.every(isCoordinate);
+}
+
+function pointOf(text: string | null): [number, number, number] | undefined {
+  const point = (text ?? "").split(",").map((part) => (part.trim() ? Number(part) : Number.NaN));
+  return isPoint(point) ? point : undefined;
 }
 
 export function readLink(hash: string, state: State): CameraPose | undefined {
@@ -100,13 +106,16 @@ export function readLink(hash: string, state: State): CameraPose | undefined {
   if (wipe > 0 && wipe < 1) state.wipe = wipe;
   const budget = Number(link.get("budget"));
   if (budget > 0) state.budget = Math.min(Math.max(budget * 2 ** 20, BUDGETS.low), BUDGETS.high);
-  const position = vector(link.get("eye"));
-  const target = vector(link.get("target"));
-  return position && target ? { position, target } : undefined;
+  const position = pointOf(link.get("eye"));
+  const target = pointOf(link.get("target"));
+  // A camera at its target looks nowhere.
+  if (!position || !target || position.every((x, i) => x === target[i])) return undefined;
+  return { position, target };
 }
 
 /** Limit of canvas pixels for each pixel of the page. */
 export const MAX_PIXEL_RATIO = 2;
+const MAX_COORDINATE = 1e30;
 /** The range of the pixel error. */
 export const PIXELS = { low: 0.25, high: 64 };
 /** The range of the budget, in bytes. */

@@ -233,7 +233,7 @@ export class Viewer {
 
   /** Opens a local file: a camera path, the asset to compare with, or the asset to show. */
   private async openFile(file: File, isOther: boolean): Promise<void> {
-    if (file.name.endsWith(".json")) await this.recorder.openPath(file);
+    if (/\.json$/i.test(file.name)) await this.recorder.openPath(file);
     else if (isOther) {
       await this.comparison.setOther(file);
       this.apply();

@@ -46,6 +46,18 @@ test.each(["", "?compare=other.umbel"])("links on a page with %s have its layout
   location.search = "";
 });
 
+test.each([
+  "eye=1e300,0,0&target=0,0,0",
+  "eye=0,0,NaN&target=0,0,0",
+  "eye=,,&target=0,0,1",
+  "eye=1,2&target=0,0,1",
+  "eye=1,2,3,4&target=0,0,1",
+  "eye=1,2,3&target=1,2,3",
+  "eye=1,2,3",
+])("the link %s has no camera", (link) => {
+  expect(readLink(link, defaultState())).toBeUndefined();
+});
+
 test("links of no view mode leave it as it is", () => {
   for (const mode of ["constructor", "toString", "other"]) {
     const state = defaultState();
