@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 
 class Stopped(BaseException):
-    """SIGINT or SIGTERM arrived. Not KeyboardInterrupt, which typer ends without a word."""
+    """SIGINT, SIGTERM or SIGHUP arrived. Not KeyboardInterrupt, which typer ends without a word."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -44,6 +44,9 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _stop)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not if it is ignored
         signal.signal(signal.SIGINT, _stop)
+    # The terminal is gone; nohup has this ignored.
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
+        signal.signal(signal.SIGHUP, _stop)
     if sys.stdout is None:  # closed: what is written to it fails, and no file takes its number
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w")
     # Commands end cleanly by themselves; this is for what comes before them, imports above all.

@@ -188,7 +188,12 @@ def test_killing_a_build_leaves_no_half_file(large_ply: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")]
+    ("number", "word"),
+    [
+        (signal.SIGINT, "interrupted"),
+        (signal.SIGTERM, "terminated"),
+        (signal.SIGHUP, "terminated"),
+    ],
 )
 def test_signals_end_a_build_cleanly(
     large_ply: Path, tmp_path: Path, number: signal.Signals, word: str
