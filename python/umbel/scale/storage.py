@@ -3,7 +3,6 @@ be read."""
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import json
 import os
@@ -14,6 +13,7 @@ from typing import Any
 
 from umbel.errors import Error
 from umbel.io.addresses import name_of, reason_of
+from umbel.io.patterns import matches
 
 
 def is_address(name: Any) -> bool:
@@ -144,12 +144,12 @@ def expand(names: Sequence[str | os.PathLike[str]]) -> list[str]:
             continue
         if is_address(name):
             system, path = _open(name)
-            matches = sorted(system.unstrip_protocol(match) for match in system.glob(path))
+            named = sorted(system.unstrip_protocol(match) for match in system.glob(path))
         else:
-            matches = sorted(glob.glob(name, recursive=True))
-        if not matches:
+            named = matches(name)
+        if not named:
             raise Error(f"no file matches {name}")
-        found += matches
+        found += named
     return found
 
 

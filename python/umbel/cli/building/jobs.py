@@ -11,6 +11,7 @@ from pathlib import Path
 
 from umbel.cli.run import fail
 from umbel.io.addresses import is_address, name_of
+from umbel.io.patterns import matches
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
@@ -90,7 +91,7 @@ def _matches(text: str, may_miss: bool) -> tuple[str | None, list[str]]:
         return os.path.abspath(os.path.dirname(text)), [text]
     else:
         fail(f"cannot read {text}: no such file", source=text)
-    files = sorted(name for name in glob.iglob(below, recursive=True) if _is_mesh(name))
+    files = [name for name in matches(below) if _is_mesh(name)]
     if not files:
         fail(f"{text}: no file of this pattern is a mesh ({', '.join(SUFFIXES)})", source=text)
     return os.path.abspath(base), files
