@@ -33,7 +33,7 @@ def attach(
             return owner
         if np.linalg.cond(world) < _INVERTIBLE:
             made = _nodes_at(nodes, np.linalg.inv(world) @ matrix, entry)
-            nodes[owner]["children"] = [*nodes[owner].get("children", []), made]
+            nodes[owner].setdefault("children", []).append(made)
             return made
     made = _nodes_at(nodes, matrix, entry)
     roots.append(made)
