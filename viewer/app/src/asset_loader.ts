@@ -1,13 +1,19 @@
-// Opens assets as meshes, and reports what is not shown of them.
+// Opens assets as meshes, and reports what of them is not shown and whether their connections are lost.
 
 import { AssetStream } from "umbel";
 import { UmbelMesh } from "umbel/three";
 import type { Source, State } from "./state";
 import type { Notice } from "./ui/messages";
 import type { Panel } from "./ui/panel";
+import type { Meshes } from "./viewport/viewport";
 
 export class AssetLoader {
-  private readonly notes = new Set<string>();
+  /** The meshes that are shown. */
+  private meshes: Meshes = [undefined, undefined];
+  /** What of them is not shown. */
+  private notes = new Set<string>();
+  /** Those whose connection is lost. */
+  private readonly lost = new Map<UmbelMesh, Source>();
 
   constructor(
     private readonly state: State,
@@ -15,34 +21,49 @@ export class AssetLoader {
     private readonly notice: Notice,
   ) {}
 
-  /** Forgets the reports so far. */
-  clearNotes(): void {
-    this.notes.clear();
-    this.panel.setNotes([]);
-  }
-
   /** @param early a stream of the asset that is open or opening already */
   async load(source: Source, pixelError: number, early?: Promise<AssetStream>): Promise<UmbelMesh> {
     const stream = await (early ?? AssetStream.open(source, { budget: this.state.budget }));
     const mesh = new UmbelMesh(stream, { pixelError });
     // It may have been changed in the meantime.
     if (stream.budget !== this.state.budget) mesh.setBudget(this.state.budget);
-    mesh.materials.onNote = (text, holds) => this.setNote(text, holds);
-    for (const text of mesh.materials.notes) this.setNote(text);
+    mesh.materials.onNote = () => this.showNotes();
     mesh.onConnection = (isLost) => {
-      if (isLost) this.notice.show("The connection is lost. Trying again …", true);
-      else this.notice.show("The connection is back.");
+      const before = this.lost.size;
+      if (isLost) this.lost.set(mesh, source);
+      else this.lost.delete(mesh);
+      if (this.lost.size > 0) this.showLost();
+      else if (before > 0) this.notice.show("The connection is back.");
     };
     return mesh;
   }
 
-  /** Reports something that is not shown, once: as a notice and in the panel, while it `holds`. */
-  private setNote(text: string, holds = true): void {
-    if (this.notes.has(text) === holds) return;
-    if (holds) {
-      this.notes.add(text);
-      this.notice.show(text);
-    } else this.notes.delete(text);
-    this.panel.setNotes([...this.notes]);
+  /** Reports on these meshes from now on, and no longer on those before. */
+  setMeshes(meshes: Meshes): void {
+    const isGone = this.meshes.some((mesh) => mesh && !meshes.includes(mesh));
+    if (meshes[0] !== this.meshes[0]) this.notes.clear();
+    this.meshes = [...meshes];
+    for (const mesh of this.lost.keys()) if (!meshes.includes(mesh)) this.lost.delete(mesh);
+    if (isGone) {
+      this.notice.hide();
+      if (this.lost.size > 0) this.showLost();
+    }
+    this.showNotes();
+  }
+
+  private showLost(): void {
+    const isLocal = [...this.lost.values()].every((source) => typeof source !== "string");
+    const text = isLocal
+      ? "The file can no longer be read: was it moved or changed? Open it again."
+      : "The connection is lost. Trying again …";
+    this.notice.show(text, true);
+  }
+
+  /** Lists what is not shown in the panel, and reports what is new. */
+  private showNotes(): void {
+    const notes = new Set(this.meshes.flatMap((mesh) => mesh?.materials.notes ?? []));
+    for (const text of notes) if (!this.notes.has(text)) this.notice.show(text);
+    this.notes = notes;
+    this.panel.setNotes([...notes]);
   }
 }

@@ -99,6 +99,7 @@ export class Viewer {
     this.comparison = new Comparison(host, state, this.viewport, this.loader, this.notice);
     this.recorder = new CameraRecorder(this.panel, this.notice);
     this.viewport.onFrame = (counts) => this.onFrame(counts);
+    this.viewport.onMeshes = (meshes) => this.loader.setMeshes(meshes);
     this.viewport.onContext = (isLost) => {
       if (isLost)
         this.notice.show("The browser took the GPU away: the picture waits for it.", true);
@@ -154,8 +155,9 @@ export class Viewer {
       down: () => this.recorder.stopReplay(),
       click: (x, y) => this.pick(x, y),
     });
-    listenToDrops(this.dropHint, (file, x) => {
-      void this.openFile(file, this.state.layout !== "single" && x > innerWidth / 2);
+    listenToDrops(this.dropHint, (file, x, count) => {
+      void this.openFile(file, this.viewport.sideOf(x) === 1);
+      if (count > 1) this.notice.show(`Of ${count} files only ${file.name} is opened.`);
     });
     const bindings = keyBindings(this.state, this.viewport.camera, actions);
     listenToKeys((key) => {
@@ -188,7 +190,6 @@ export class Viewer {
     this.deselect();
     this.title.replaceChildren(h("h1", { textContent: nameOf(source) }), h("p", {}, "Opening …"));
     this.progress.begin();
-    this.loader.clearNotes();
     try {
       const mesh = await this.loader.load(source, this.state.pixelError, early);
       if (opening !== this.openings) return mesh.dispose();
@@ -218,8 +219,10 @@ export class Viewer {
       showTitle(this.title, mesh, this.source);
       choices.push({ text: "Close", action: () => this.error.hide() });
     }
+    const isUnread =
+      error instanceof UmbelError && error.kind === "network" && source instanceof File;
     this.error.show(
-      titleOf(error instanceof UmbelError ? error.kind : "unsupported"),
+      isUnread ? "Not readable" : titleOf(error instanceof UmbelError ? error.kind : "unsupported"),
       error instanceof Error ? error.message : String(error),
       choices,
     );
@@ -276,9 +279,11 @@ export class Viewer {
       () => true,
       () => false,
     );
-    const isLocal = typeof this.source !== "string";
+    const isSplit = this.state.layout !== "single";
+    const hasLocal =
+      typeof this.source !== "string" || (isSplit && this.comparison.other instanceof File);
     this.notice.show(
-      isLocal
+      hasLocal
         ? "The link has the view, but a file of this device cannot be in it."
         : isCopied
           ? "Link copied."

@@ -8,6 +8,7 @@ import {
   openLink,
   quiet,
   settled,
+  slide,
   test,
 } from "./page.js";
 
@@ -111,6 +112,43 @@ test("a file dropped on the right half is the one to compare with", async ({ pag
   await dropAsset(page, OTHER, "dropped.umbel", { clientX: 600, clientY: 100 });
   await expect(page.locator(".names")).toContainText("dropped.umbel");
   await expect(page.locator(".title h1")).toHaveText("planet.umbel");
+});
+
+test("a dropped file is compared where its picture is right of the line", async ({
+  page,
+  host,
+  context,
+}) => {
+  await page.setViewportSize({ width: 1280, height: 360 });
+  await page.goto(`${host.url}/?asset=planet.umbel#pixels=6&layout=side`);
+  await settled(page);
+  // Left of the middle of the page, beside which the panel is.
+  await dropAsset(page, OTHER, "dropped.umbel", { clientX: 560, clientY: 100 });
+  await expect(page.locator(".names span").last()).toHaveText("dropped.umbel");
+  await expect(page.locator(".title h1")).toHaveText("planet.umbel");
+  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.locator("#share").click();
+  await expect(page.locator(".notice")).toContainText("a file of this device cannot be in it");
+});
+
+test("messages about the second asset go with it", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=planet.umbel&compare=materials.umbel#pixels=32`);
+  await expect(page.locator(".notes li")).toHaveText([
+    "Materials are shown without EXT_unheard_of.",
+  ]);
+  await page.locator("[data-layout=single]").click();
+  await expect(page.locator(".notes li")).toHaveCount(0);
+  await page.goto("about:blank");
+  await page.goto(`${host.url}/?asset=planet.umbel&compare=paged.umbel#pixels=32`);
+  await settled(page);
+  await page.waitForFunction(
+    () => globalThis.umbelViewer?.viewport.meshes[1]?.statistics?.isSettled,
+  );
+  await page.route(/paged\.umbel/, (route) => route.abort());
+  await slide(page, "#pixels", 0);
+  await expect(page.locator(".notice.shown")).toContainText("The connection is lost");
+  await page.locator("[data-layout=single]").click();
+  await expect(page.locator(".notice.shown")).toHaveCount(0);
 });
 
 test("a missing second asset leaves one picture and a notice, and the full mesh", async ({

@@ -1,3 +1,4 @@
+import { writeFileSync } from "node:fs";
 import { assetBytes } from "../support/assets.js";
 import { loadAsset } from "../support/loaded_asset.js";
 import {
@@ -71,6 +72,30 @@ test("an asset that cannot be opened leaves the one before", async ({ page, host
     await expect(page.getByRole("alert")).toBeHidden();
     await expect(page.locator(".title h1")).toHaveText("planet.umbel");
   }
+});
+
+test("an asset that cannot be opened leaves the notes of the one before", async ({
+  page,
+  host,
+}) => {
+  await page.goto(`${host.url}/?asset=materials.umbel#pixels=32`);
+  await expect(page.locator(".notes li")).toHaveCount(1);
+  await dropAsset(page, "planet.json", "wrong.umbel");
+  await expect(page.getByRole("alert")).toContainText("This is not an .umbel file.");
+  await expect(page.locator(".notes li")).toHaveCount(1);
+});
+
+test("a file that has changed on the disk is named as such", async ({ page, host }, info) => {
+  const path = info.outputPath("local.umbel");
+  writeFileSync(path, assetBytes("paged"));
+  await page.goto(`${host.url}/#pixels=32`);
+  await page.locator("input[type=file]").setInputFiles(path);
+  await settled(page);
+  writeFileSync(path, assetBytes("planet"));
+  await slide(page, "#pixels", 0.2);
+  await expect(page.locator(".notice.shown")).toContainText("The file can no longer be read");
+  await page.locator("input[type=file]").dispatchEvent("change");
+  await expect(page.getByRole("alert")).toContainText("Not readable");
 });
 
 test("damaged tables are reported", async ({ page, host }) => {

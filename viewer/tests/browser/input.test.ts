@@ -165,3 +165,31 @@ test("an idle page draws no frames", async ({ page, host }) => {
     expect(frames).toBeLessThan(3);
   }
 });
+
+test("dragged text is no file, and of several dropped files one is opened", async ({
+  page,
+  host,
+}) => {
+  await page.goto(host.url + COARSE);
+  await settled(page);
+  const drag = (type: string, isFile: boolean) =>
+    page.evaluate(
+      ([name, withFiles]) => {
+        const dataTransfer = new DataTransfer();
+        if (withFiles)
+          for (const file of ["a.umbel", "b.umbel"]) dataTransfer.items.add(new File(["{}"], file));
+        else dataTransfer.setData("text/plain", "text");
+        const options = { dataTransfer, bubbles: true, cancelable: true };
+        document.body.dispatchEvent(new DragEvent(name as string, options));
+      },
+      [type, isFile],
+    );
+  await drag("dragover", false);
+  await expect(page.locator(".drop")).toBeHidden();
+  await drag("dragover", true);
+  await expect(page.locator(".drop")).toBeVisible();
+  await drag("drop", true);
+  await expect(page.locator(".drop")).toBeHidden();
+  await expect(page.locator(".notice.shown")).toHaveText("Of 2 files only a.umbel is opened.");
+  await expect(page.getByRole("alert")).toContainText("This is not an .umbel file.");
+});

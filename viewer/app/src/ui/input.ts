@@ -26,11 +26,19 @@ export function listenToPointer(
   });
 }
 
-/** Reports files dropped on the page, with the position; shows `hint` while a file is dragged. */
-export function listenToDrops(hint: HTMLElement, drop: (file: File, x: number) => void): void {
+/**
+ * Reports the first of the files dropped on the page, with the position and their number; shows `hint`
+ * while a file is dragged.
+ */
+export function listenToDrops(
+  hint: HTMLElement,
+  drop: (file: File, x: number, count: number) => void,
+): void {
   addEventListener("dragover", (event) => {
     event.preventDefault();
-    hint.hidden = false;
+    const hasFiles = event.dataTransfer?.types.includes("Files") ?? false;
+    if (event.dataTransfer && !hasFiles) event.dataTransfer.dropEffect = "none";
+    hint.hidden = !hasFiles;
   });
   addEventListener("dragleave", (event) => {
     if (!event.relatedTarget) hint.hidden = true;
@@ -38,8 +46,8 @@ export function listenToDrops(hint: HTMLElement, drop: (file: File, x: number) =
   addEventListener("drop", (event) => {
     event.preventDefault();
     hint.hidden = true;
-    const file = event.dataTransfer?.files[0];
-    if (file) drop(file, event.clientX);
+    const files = event.dataTransfer?.files;
+    if (files?.[0]) drop(files[0], event.clientX, files.length);
   });
 }
 

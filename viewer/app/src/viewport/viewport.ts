@@ -58,6 +58,8 @@ export class Viewport {
   /** Whether the right mesh has the pixel error of the left one; otherwise it is exact. */
   rightFollows = false;
   onFrame: ((counts: FrameCounts) => void) | undefined;
+  /** Called when other meshes are shown. */
+  onMeshes: ((meshes: Meshes) => void) | undefined;
   /** Called when the browser takes the GPU away, and when it gives it back. */
   onContext: ((isLost: boolean) => void) | undefined;
   /** Moves the camera before each frame; returns whether it does. */
@@ -164,6 +166,7 @@ export class Viewport {
       each?.position.multiplyScalar(this.camera.unit);
       each?.scale.setScalar(this.camera.unit);
     }
+    this.onMeshes?.(this.meshes);
     this.apply();
   }
 
@@ -296,18 +299,24 @@ export class Viewport {
     renderer.render(this.scene, camera.perspective);
   }
 
+  /** The side of the dividing line that a position from the left of the page is on. */
+  sideOf(x: number): 0 | 1 {
+    const { left, width } = this.canvas.getBoundingClientRect();
+    const { layout, wipe } = this.state;
+    return layout !== "single" && (x - left) / width > dividerAt(layout, wipe) ? 1 : 0;
+  }
+
   /** Picks the cluster at a point of the page. */
   pick(x: number, y: number): PickedCluster | undefined {
     const rectangle = this.canvas.getBoundingClientRect();
     let u = (x - rectangle.left) / rectangle.width;
     const v = (y - rectangle.top) / rectangle.height;
-    const { layout, wipe } = this.state;
     const { perspective, origin, unit } = this.camera;
     let [mesh] = this.meshes;
     perspective.aspect = rectangle.width / rectangle.height;
-    if (layout !== "single" && this.meshes[1]) {
-      if (u > dividerAt(layout, wipe)) mesh = this.meshes[1];
-      if (layout === "side") {
+    if (this.meshes[1]) {
+      mesh = this.meshes[this.sideOf(x)];
+      if (this.state.layout === "side") {
         u = (2 * u) % 1;
         perspective.aspect /= 2;
       }

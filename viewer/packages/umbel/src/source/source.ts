@@ -23,7 +23,10 @@ export class BlobSource implements ByteSource {
       this.fetched += part.byteLength;
       return new Uint8Array(part);
     } catch {
-      throw new UmbelError("network", "The file can no longer be read: was it moved or changed?");
+      throw new UmbelError(
+        "network",
+        "The file cannot be read: is it a folder, or was it moved or changed?",
+      );
     }
   }
 
