@@ -47,8 +47,7 @@ def tone_map(pixels: ArrayLike, exposure: float | str = "auto") -> NDArray[np.ui
 
 
 def _encoded(rgb: NDArray[np.float32], exposure: float) -> NDArray[np.float64]:
-    x = np.nan_to_num(rgb.astype(np.float64), nan=0.0, posinf=1e6, neginf=0.0)
-    x = np.clip(x, 0.0, 1e6) * exposure
+    x = np.clip(np.nan_to_num(rgb.astype(np.float64) * exposure), 0.0, 1e6)
     x = np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0)
     return np.round(_srgb(x) * 255)
 

@@ -410,6 +410,12 @@ def test_tone_mapping_is_monotone_and_takes_any_number() -> None:
     assert tone_map(odd).tolist() == [[[0, 255, 0], [0, 0, 255]]]
 
 
+def test_exposure_takes_radiance_of_any_unit() -> None:
+    ramp = np.linspace(0, 2, 300, dtype=np.float32).reshape(1, 100, 3)
+    for stops in (-40, 40):
+        assert np.array_equal(tone_map(ramp * 2.0**stops, -stops), tone_map(ramp, 0))
+
+
 def test_automatic_exposure_undoes_a_change_of_light() -> None:
     picture = np.random.default_rng(1).uniform(0.1, 1, (20, 30, 3))
     assert auto_exposure(picture * 8) == pytest.approx(auto_exposure(picture) - 3, abs=1e-4)
