@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from umbel.io import load, save
 from umbel.io.blocks import open_source
 from umbel.io.side_names import SideNames
 from umbel.io.textures.images import TextureImage
+from umbel.lod.build import build_lod
 from umbel.scale.build_asset import build_asset
 
 EXTENSIONS = [".glb", ".ply", ".obj"]
@@ -269,6 +271,50 @@ def test_names_of_many_files_of_one_stem_take_time_that_grows_with_their_number(
     given_names = [names.new("a", ".png", [b"%d" % k]) for k in range(100)]
     assert given_names == ["a.png", *(f"a_{k}.png" for k in range(1, 100))]
     assert len(looked_at) == 100
+
+
+@pytest.mark.parametrize("extension", [".glb", ".umbel"])
+@pytest.mark.parametrize(
+    ("material", "named"),
+    [
+        (
+            Material("m", base_color=(1, np.nan, 1, 1)),
+            "pbrMetallicRoughness.baseColorFactor[1] nan",
+        ),
+        (Material("m", emissive=(np.inf, 0, 0)), "emissiveFactor[0] nan"),
+        (Material("m", alpha_mode="MASK", alpha_cutoff=np.float32(np.inf)), "alphaCutoff inf"),
+        (
+            Material("m", extensions={"KHR_materials_ior": {"ior": np.nan}}),
+            "extensions.KHR_materials_ior.ior nan",
+        ),
+    ],
+)
+def test_materials_that_no_reader_would_take_are_refused(
+    tmp_path: Path, extension: str, material: Material, named: str
+) -> None:
+    ids = np.zeros(len(TETRA_TRIANGLES), np.uint32)
+    mesh = Mesh(TETRA_POSITIONS, TETRA_TRIANGLES, material_ids=ids, materials=[material])
+    with pytest.raises(Error, match=re.escape(f"material 'm' has {named}, which must be finite")):
+        if extension == ".umbel":
+            build_lod(mesh).save(tmp_path / "a.umbel")
+        else:
+            save(tmp_path / "a.glb", mesh)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_gltf_cannot_say_of_a_mesh_is_named(tmp_path: Path) -> None:
+    ids = np.full(len(TETRA_TRIANGLES), 1, np.uint32)
+    numbered = Mesh(TETRA_POSITIONS, TETRA_TRIANGLES, material_ids=ids, materials=[Material()])
+    with pytest.warns(LoadWarning, match="without: numbers of materials that are not there"):
+        save(tmp_path / "a.glb", numbered)
+    with pytest.warns(LoadWarning, match="without: vertices of meshes without triangles"):
+        save(tmp_path / "a.glb", Mesh(TETRA_POSITIONS, TETRA_TRIANGLES[:0]))
+
+
+def test_colours_that_are_nan_are_said_to_be_lost_in_ply(tmp_path: Path) -> None:
+    colors = np.full((4, 4), np.nan, np.float32)
+    with pytest.warns(LoadWarning, match="colours between 8-bit steps"):
+        save(tmp_path / "a.ply", Mesh(TETRA_POSITIONS, TETRA_TRIANGLES, colors=colors))
 
 
 def test_colours_of_any_size_are_clamped_in_ply_without_a_word_of_numpy(tmp_path: Path) -> None:

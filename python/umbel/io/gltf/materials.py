@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
+import numpy as np
+
+from umbel.errors import Error
 from umbel.geometry.mesh import Material
 from umbel.io.textures.images import TextureImage
 
@@ -84,7 +88,8 @@ def extension_textures(
 
 
 def write_material(material: Material, reference: Reference | None = None) -> Json:
-    """The material as JSON, with those of its textures that `reference` gives an info for."""
+    """The material as JSON, with those of its textures that `reference` gives an info for. Raises
+    for numbers that JSON cannot say."""
     entry: Json = {
         "pbrMetallicRoughness": {
             "baseColorFactor": [_unit(v) for v in material.base_color],
@@ -120,6 +125,9 @@ def write_material(material: Material, reference: Reference | None = None) -> Js
             del parent[key]
     if extensions:
         entry["extensions"] = extensions
+    wrong = next(_infinite(entry, ""), None)
+    if wrong:
+        raise Error(f"material {material.name!r} has {wrong}, which must be finite")
     if material.extras is not None:
         entry["extras"] = material.extras
     return entry
@@ -155,6 +163,19 @@ def extensions_in(value: Any) -> set[str]:
     used = value.get("extensions")
     names = set(used) if isinstance(used, dict) else set()
     return names.union(*(extensions_in(v) for k, v in value.items() if k != "extras"))
+
+
+def _infinite(value: Any, place: str) -> Iterator[str]:
+    """The numbers in a part of JSON that are NaN or infinite, by place and value."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if key != "extras":
+                yield from _infinite(item, f"{place}.{key}" if place else key)
+    elif isinstance(value, (list, tuple)):
+        for k, item in enumerate(value):
+            yield from _infinite(item, f"{place}[{k}]")
+    elif isinstance(value, (float, np.floating)) and not math.isfinite(value):
+        yield f"{place} {value}"
 
 
 #: What `write_material` does to values that glTF forbids, in words.

@@ -123,6 +123,8 @@ class _Statements:
         if key == "d" and words[:1] == ["-halo"]:
             return [*self.take(word, " ".join(words[1:])), "d -halo"]
         values = _some_floats(words)
+        if not np.isfinite(values).all():
+            return [" ".join([word, *words[:1]])]
         if key in _IDLE or (key == "ks" and values and max(values) == min(values) <= 0.5):
             return []  # gloss as it is without the statement, or less
         if key not in _VALUES or not values:
@@ -209,6 +211,9 @@ def _options(rest: str) -> tuple[dict[str, list[str]], str]:
         values = words[at + 1 : min(at + 1 + _NUMBERS.get(key, 1), len(words) - 1)]
         if key in _NUMBERS:
             values = values[: len(_some_floats(values))]
+            if not np.isfinite(_some_floats(values)).all():
+                at += len(values)
+                values = []
         elif key not in _WORDS:
             break
         options[key] = values

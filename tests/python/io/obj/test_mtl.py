@@ -34,6 +34,16 @@ def test_statements_that_are_left_out_are_named_once(tmp_path: Path) -> None:
     assert said == [f"{tmp_path / 'a.mtl'}: left out: Ks, map_Ns, Kd xyz"]
 
 
+def test_numbers_that_are_not_finite_are_left_out(tmp_path: Path) -> None:
+    library = "newmtl m\nKd nan 0 0\nPm inf\nKe 1e400 0 0\nPr 0.5\nmap_Kd -o nan 0 -s 2 2 a.png\n"
+    material, said = read(tmp_path, library)
+    assert said == [f"{tmp_path / 'a.mtl'}: left out: Kd nan, Pm inf, Ke 1e400, map_Kd -o"]
+    assert material.base_color == (1, 1, 1, 1) and material.roughness == 0.5
+    assert material.textures["base_color"]["uri"] == "a.png"
+    moved = material.textures["base_color"]["extensions"]["KHR_texture_transform"]
+    assert moved == {"offset": [0, 1], "scale": [2, -2]}
+
+
 def test_a_library_that_is_named_twice_is_read_once(tmp_path: Path) -> None:
     _, [said] = read(tmp_path, "newmtl m\nTf 1 0 0\n", "m\nmtllib a.mtl\nmtllib a.mtl")
     assert said.endswith("left out: Tf")
