@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from umbel.errors import Error, warn_lost
+from umbel.geometry.mesh import Mesh
 from umbel.io.files import replacing_together, write_all
 from umbel.io.gltf.arrays import Arrays, Json
 from umbel.io.gltf.attach import attach
@@ -72,7 +73,12 @@ class _Writer:
         used = {instance.mesh for instance in self.scene.instances}
         if len(used) < len(self.scene.meshes):
             self.lost.append("meshes without an instance")
-        if any(self.scene.meshes[k].material_ids is not None for k in used):
+        drawn = [self.scene.meshes[k] for k in sorted(used)]
+        if any(len(mesh.positions) and not len(mesh.triangles) for mesh in drawn):
+            self.lost.append("vertices of meshes without triangles")
+        if any(_names_missing(mesh) for mesh in drawn):
+            self.lost.append("numbers of materials that are not there")
+        if any(mesh.material_ids is not None for mesh in drawn):
             self.materials.write()
         for instance in self.scene.instances:
             if len(self.scene.meshes[instance.mesh].triangles):
@@ -151,6 +157,12 @@ class _Writer:
             self._numbers[index] = len(self.meshes)
             self.meshes.append(entry)
         return self._numbers[index]
+
+
+def _names_missing(mesh: Mesh) -> bool:
+    """Whether a triangle has the number of a material that is not there."""
+    ids = mesh.material_ids
+    return ids is not None and bool((ids >= len(mesh.materials)).any())
 
 
 def _node(node: Json) -> Json:

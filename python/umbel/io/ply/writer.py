@@ -43,7 +43,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
             exact = mesh.colors * np.float32(255.0)
             exact[:, :3] = to_srgb(mesh.colors[:, :3]) * np.float32(255.0)
             colors = np.nan_to_num(np.clip(np.rint(exact), 0, 255)).astype(np.uint8)
-            is_rounded = bool((np.abs(exact - colors) > _BYTE).any())
+            is_rounded = not (np.abs(exact - colors) <= _BYTE).all()
         names = (*ply_names.COLOR[0], *ply_names.ALPHA[0])
         fields += [(name, "|u1", colors[:, k]) for k, name in enumerate(names)]
     vertices = np.empty(n, [(name, kind) for name, kind, _ in fields])
