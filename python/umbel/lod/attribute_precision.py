@@ -40,7 +40,9 @@ def attribute_precision(
     check_attribute_bits(given)
     if exact is None:
         exact = any(lod.config["position_step"] == 0 for lod in lods)
-    usual = dict.fromkeys(MOST_BITS, 0) if exact else _beside(max(map(_position_bits, lods)))
+    usual = (
+        dict.fromkeys(MOST_BITS, 0) if exact else _beside(max(map(_position_bits, lods), default=0))
+    )
     return _stored({**usual, **given})
 
 

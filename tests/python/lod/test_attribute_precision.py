@@ -106,3 +106,9 @@ def test_an_empty_mesh_and_one_point_have_bits(tmp_path: Path) -> None:
         mesh.uvs = np.zeros((len(mesh.positions), 2), np.float32)
         umbel.build_lod(mesh, precision=0.5, force=True).save(tmp_path / "a.umbel")
         assert umbel.verify(tmp_path / "a.umbel").ok
+
+
+def test_an_asset_without_meshes_can_be_written(tmp_path: Path) -> None:
+    umbel.save_asset(tmp_path / "a.umbel", [])
+    assert umbel.Asset(tmp_path / "a.umbel").meshes == []
+    assert umbel.verify(tmp_path / "a.umbel").ok
