@@ -108,7 +108,8 @@ class Plan:
         finest, and returns which: those that stick out of none of these by more than half a cell.
         Each is then whole in one tile of any cut through the tree, where planes would cut many."""
         used = np.flatnonzero((boxes[:, :3] <= boxes[:, 3:]).all(axis=1))
-        centers = (boxes[:, :3] + boxes[:, 3:]) / 2
+        centers = np.zeros((len(boxes), 3))
+        centers[used] = (boxes[used, :3] + boxes[used, 3:]) / 2
         depth = np.zeros(len(boxes), np.int64)
         for tile, inside in self._down(centers, used):
             depth[inside] = tile.depth

@@ -337,6 +337,15 @@ def signed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
 
 
+@pytest.mark.filterwarnings("error")
+def test_instances_of_empty_meshes_are_left_out(tmp_path: Path) -> None:
+    empty = umbel.Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+    lods = [umbel.build_lod(umbel.shapes.blob(3, seed=1)), umbel.build_lod(empty)]
+    umbel.save_asset(tmp_path / "a.umbel", lods, [(0, np.eye(4)), (1, np.eye(4))])
+    report = umbel.export_tiles(tmp_path / "a.umbel", tmp_path / "tiles")
+    assert report.triangles == 1280
+
+
 def test_what_fails_leaves_nothing(
     asset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
