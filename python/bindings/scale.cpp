@@ -79,7 +79,7 @@ std::unique_ptr<scale::Executor> make_executor(const std::filesystem::path& work
 
 Dict build(const HeldFolder& held, const io::TriangleSource& source, const lod::Config& config,
            uint64_t unit_triangles, const std::filesystem::path& path, const nb::object& metadata,
-           const std::string& materials, const nb::typed<nb::list, nb::bytes>& files,
+           const std::string& materials, const std::vector<std::filesystem::path>& files,
            const std::tuple<uint32_t, uint32_t, uint32_t, float>& precision, uint32_t page_bytes,
            const std::vector<std::string>& command, uint32_t workers, uint64_t input_vertices,
            bool input_is_same, const nb::object& progress, uint32_t threads,
@@ -97,11 +97,7 @@ Dict build(const HeldFolder& held, const io::TriangleSource& source, const lod::
   build.finish.contents.materials = materials;
   build.finish.contents.scene = scene;
   build.finish.contents.first_materials = {0};
-  for (const nb::handle file : files) {
-    const auto bytes = nb::cast<nb::bytes>(file);
-    const auto* first = static_cast<const std::byte*>(bytes.data());
-    build.finish.contents.files.emplace_back(first, first + bytes.size());
-  }
+  build.finish.files = files;
   build.finish.metadata = [&](const scale::Finished& finished) {
     const nb::gil_scoped_acquire held_lock;
     return nb::cast<std::string>(metadata(finished_dict(finished)));
@@ -161,20 +157,20 @@ void bind_scale(nb::module_& module) {
       },
       "source"_a, "config"_a, "unit_triangles"_a, "memory"_a, "cores"_a, "vertices"_a = 0,
       "How many units fit into so many bytes side by side, and what one takes.");
-  module.def(
-      "build_units", &build, "folder"_a, "source"_a, "config"_a, "unit_triangles"_a, "path"_a,
-      "metadata"_a, "materials"_a, "files"_a, "precision"_a, "page_bytes"_a, "command"_a,
-      "workers"_a, "input_vertices"_a, "input_is_same"_a, "progress"_a = nb::none(),
-      "threads"_a = 0, "executor"_a = nb::none(), "force"_a = false, "scene"_a = "",
-      nb::sig(
-          "def build_units(folder: WorkFolder, source: TriangleSource, config: "
-          "LodConfig, unit_triangles: int, path: str | os.PathLike[str], metadata: "
-          "collections.abc.Callable[[dict[str, typing.Any]], str], materials: str, "
-          "files: list[bytes], precision: tuple[int, int, int, float], page_bytes: int, command: "
-          "collections.abc.Sequence[str], workers: int, input_vertices: int, "
-          "input_is_same: bool, progress: object | None = None, threads: int = 0, "
-          "executor: object | None = None, force: bool = False, scene: str = '') -> "
-          "dict[str, typing.Any]"));
+  module.def("build_units", &build, "folder"_a, "source"_a, "config"_a, "unit_triangles"_a,
+             "path"_a, "metadata"_a, "materials"_a, "files"_a, "precision"_a, "page_bytes"_a,
+             "command"_a, "workers"_a, "input_vertices"_a, "input_is_same"_a,
+             "progress"_a = nb::none(), "threads"_a = 0, "executor"_a = nb::none(),
+             "force"_a = false, "scene"_a = "",
+             nb::sig("def build_units(folder: WorkFolder, source: TriangleSource, config: "
+                     "LodConfig, unit_triangles: int, path: str | os.PathLike[str], metadata: "
+                     "collections.abc.Callable[[dict[str, typing.Any]], str], materials: str, "
+                     "files: collections.abc.Sequence[str | os.PathLike[str]], precision: "
+                     "tuple[int, int, int, float], page_bytes: int, command: "
+                     "collections.abc.Sequence[str], workers: int, input_vertices: int, "
+                     "input_is_same: bool, progress: object | None = None, threads: int = 0, "
+                     "executor: object | None = None, force: bool = False, scene: str = '') -> "
+                     "dict[str, typing.Any]"));
   module.def(
       "run_task",
       [](const std::filesystem::path& work, int kind, uint32_t tier, uint32_t unit, uint64_t plan,

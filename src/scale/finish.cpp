@@ -53,6 +53,10 @@ class Finisher {
     encode_groups();
     AssetContents contents = options_.contents;
     if (options_.metadata) contents.metadata = options_.metadata(finished_);
+    for (const std::filesystem::path& path : options_.files) {
+      const InputFile input(path);
+      input.read(0, contents.files.emplace_back(input.size()));
+    }
     std::vector<asset::EncodedMesh> meshes;
     meshes.push_back(std::move(mesh_));
     finished_.bytes = asset::write_encoded(

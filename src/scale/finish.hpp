@@ -38,6 +38,8 @@ struct Finished {
 struct FinishOptions {
   /// All that the asset has besides the one mesh: `meshes` is empty.
   AssetContents contents;
+  /// Follow contents.files; they are read once all groups are encoded, and take no memory before.
+  std::vector<std::filesystem::path> files;
   AssetConfig asset;
   /// Where it is set, it makes the metadata once everything but the bytes is known.
   std::function<std::string(const Finished&)> metadata;

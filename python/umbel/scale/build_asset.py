@@ -40,6 +40,7 @@ from umbel.scale.storage import (
     scratch,
     sha256_of,
 )
+from umbel.scale.watched_files import WatchedFiles
 
 #: What an asset says of itself besides what the library knows.
 Metadata = dict[str, Any] | Callable[[list[Path]], dict[str, Any]] | None
@@ -208,10 +209,13 @@ def build_with(
         if staging:
             staging.begin()
         _remove_leftovers(made)
-        files_or_blocks = fetch_sources(place.files, place.fetched) if place.files else source
-        opened = open_source(files_or_blocks, folder_path / "source", allow_outside=allow_outside)
+        here = fetch_sources(place.files, place.fetched)
+        watched = WatchedFiles(progress)
+        watched.watch(here)
+        opened = open_source(here or source, folder_path / "source", allow_outside=allow_outside)
         if not force:
             refuse_lost_area(opened.rounding, opened.triangles.triangles, f"{place.said}: ")
+        watched.watch(Path(file) for file in (opened.recipe or {}).get("files", []))
         is_same = _is_same_input(opened, folder_path / "source_stamp", folder.is_resumed)
         cores = thread_count(threads) or os.cpu_count() or 1
         plan = _umbel.plan_units(
@@ -257,7 +261,7 @@ def build_with(
             count,
             opened.vertices or 0,
             is_same,
-            progress,
+            watched,
             thread_count(threads),
             feed,
             force,

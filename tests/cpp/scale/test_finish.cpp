@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <fstream>
 #include <ranges>
 #include <string>
 #include <vector>
@@ -188,6 +189,12 @@ TEST(Finish, CarriesMaterialsAndWhateverElseAnAssetHas) {
   built.expect_same(options);
   const Asset asset(built.file("parts.umbel"));
   EXPECT_GE(asset.tables().clusters.front().material, 3u);
+  const auto bytes = read_bytes(built.file("parts.umbel"));
+  std::ofstream(built.file("image"), std::ios::binary) << std::string(5000, 7);
+  options.contents.files.clear();
+  options.files = {built.file("image")};
+  built.write_from_parts(options);
+  EXPECT_EQ(read_bytes(built.file("parts.umbel")), bytes);
 }
 
 TEST(Finish, OfOneUnitIsWhatBuildAndWriteMake) {

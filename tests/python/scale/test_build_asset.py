@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import umbel
+from umbel.io.textures.images import TextureImage
 from umbel.scale.build_asset import build_asset
 from umbel.scale.memory import is_too_large
 from umbel.testing import giant
@@ -334,6 +335,29 @@ def test_worker_that_cannot_say_why(
         monkeypatch.setattr("umbel.scale.build_asset._command", lambda _, fails=fails: fails)
         with pytest.raises(umbel.Error, match=f"unit . of tier . could not be built{more}"):
             build_asset(terrain, tmp_path / f"{code}.umbel", unit_triangles=UNIT)
+
+
+def test_textures_take_no_memory_while_units_are_built(tmp_path: Path) -> None:
+    mesh = umbel.shapes.terrain(60, 60, 1)
+    image = b"\xff\xd8\xff" + np.random.default_rng(1).bytes(64 << 20)
+    mesh.materials = [umbel.Material(images={"base_color": TextureImage(data=image)})]
+    mesh.material_ids = np.zeros(len(mesh.triangles), np.uint32)
+    umbel.save(tmp_path / "a.glb", mesh)
+    code = (
+        "import resource, sys; from umbel.scale.build_asset import build_asset\n"
+        "def taken(): return int(open('/proc/self/statm').read().split()[1])\n"
+        "before, most = taken(), 0\n"
+        "def report(fraction, stage):\n"
+        "    global most\n"
+        "    if stage.startswith('tier'): most = max(most, taken() - before)\n"
+        "build_asset('a.glb', 'a.umbel', unit_triangles=4000, workers=1, progress=report)\n"
+        "print(most * resource.getpagesize())\n"
+    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert 0 < int(done.stdout) < 32 << 20
+    stored = umbel.Asset(tmp_path / "a.umbel").materials[0].images["base_color"]
+    assert stored.encoded() == image
 
 
 def test_no_flag_is_suggested_that_units_do_not_have(tmp_path: Path) -> None:
