@@ -12,6 +12,12 @@ const ERROR_STEP = 2 ** 0.5;
 const PAN = 0.06;
 const FLY = 0.08;
 
+/** The keys whose actions go on while they are held; others act once a press. */
+export const HELD_KEYS: ReadonlySet<string> = new Set([
+  ...["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "PageUp", "PageDown"],
+  ...["a", "d", "q", "e", "+", "=", "-"],
+]);
+
 /** Actions that only keys have. */
 export interface KeyActions extends Actions {
   togglePanel(): void;

@@ -31,6 +31,30 @@ test("the help lists the keys, and they work", async ({ page, host }) => {
   await expect(page.locator("#panel")).toBeHidden();
 });
 
+test("keys that are held move the camera on, and act once otherwise", async ({ page, host }) => {
+  await page.goto(host.url + COARSE);
+  await settled(page);
+  const hold = async (key: string) => {
+    for (let press = 0; press < 4; ++press) await page.keyboard.down(key);
+    await page.keyboard.up(key);
+  };
+  let pictures = 0;
+  page.on("download", () => ++pictures);
+  await hold("s");
+  await hold("w");
+  await expect(page.locator("#wireframe")).toBeChecked();
+  await hold("w");
+  await expect(page.locator("#wireframe")).not.toBeChecked();
+  const pose = () => page.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose as Pose);
+  const [before, distance] = [await pose(), (p: Pose, q: Pose) => p.target[0] - q.target[0]];
+  await page.keyboard.press("d");
+  const once = distance(await pose(), before);
+  const then = await pose();
+  await hold("d");
+  expect(distance(await pose(), then)).toBeCloseTo(4 * once, 6);
+  expect(pictures).toBe(1);
+});
+
 test("the theme can be toggled, and the choice is stored", async ({ page, host }) => {
   await page.goto(host.url + COARSE);
   await settled(page);

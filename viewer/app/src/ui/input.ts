@@ -51,11 +51,15 @@ export function listenToDrops(
   });
 }
 
-/** Reports keys that no control of the page uses; `press` returns whether it knows the key. */
-export function listenToKeys(press: (key: string) => boolean): void {
+/**
+ * Reports keys that no control of the page uses, and whether they repeat because they are held;
+ * `press` returns whether it knows the key.
+ */
+export function listenToKeys(press: (key: string, isRepeated: boolean) => boolean): void {
   addEventListener("keydown", (event) => {
     if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.target instanceof HTMLInputElement && event.target.type === "range") return;
-    if (press(event.key.length === 1 ? event.key.toLowerCase() : event.key)) event.preventDefault();
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (press(key, event.repeat)) event.preventDefault();
   });
 }
