@@ -45,7 +45,7 @@ class View:
     def _repr_html_(self) -> str:
         return (
             f'<iframe src="{html.escape(self.url)}" width="100%" height="{self.height}" '
-            'style="border:0" allowfullscreen></iframe>'
+            'style="border:0" allow="clipboard-write" allowfullscreen></iframe>'
         )
 
 

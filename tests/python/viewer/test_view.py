@@ -180,6 +180,7 @@ def test_other_names_for_this_machine_are_refused(shown: umbel.View) -> None:
 def test_a_notebook_shows_it_inline(shown: umbel.View) -> None:
     html = shown._repr_html_()
     assert html.startswith("<iframe ")
+    assert 'allow="clipboard-write"' in html  # for links
     assert shown.url.replace("&", "&amp;") in html
 
 

@@ -7,7 +7,7 @@ import { CameraRecorder } from "./camera_recorder";
 import { Comparison } from "./comparison";
 import { paintBackground, save } from "./files";
 import { adaptedPixelError } from "./frame_rate";
-import { type KeyActions, keyBindings } from "./key_bindings";
+import { HELD_KEYS, type KeyActions, keyBindings } from "./key_bindings";
 import type { PreviewRenderer } from "./preview/preview_renderer";
 import {
   type CameraPose,
@@ -160,9 +160,9 @@ export class Viewer {
       if (count > 1) this.notice.show(`Of ${count} files only ${file.name} is opened.`);
     });
     const bindings = keyBindings(this.state, this.viewport.camera, actions);
-    listenToKeys((key) => {
+    listenToKeys((key, isRepeated) => {
       const action = this.help.open ? undefined : bindings[key];
-      action?.();
+      if (!isRepeated || HELD_KEYS.has(key)) action?.();
       return action !== undefined;
     });
   }
@@ -287,7 +287,9 @@ export class Viewer {
         ? "The link has the view, but a file of this device cannot be in it."
         : isCopied
           ? "Link copied."
-          : "The link is in the address bar.",
+          : window === top
+            ? "The link is in the address bar."
+            : "The page around the viewer does not let it copy links.",
     );
   }
 

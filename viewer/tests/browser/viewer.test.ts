@@ -296,6 +296,22 @@ test("a link has the camera and the view mode", async ({ page, host, context }) 
   await expect(other.locator("[data-mode=groups]")).toHaveAttribute("aria-pressed", "true");
 });
 
+test("a frame that may not copy links says so", async ({ page, host, context }) => {
+  const copy = async (allow: string) => {
+    const other = host.url.replace("127.0.0.1", "localhost");
+    await page.goto(`${other}/index.html`);
+    await page.setContent(`<iframe src="${host.url}${COARSE}" ${allow}></iframe>`);
+    const frame = page.frameLocator("iframe");
+    // The page of the frame is small: its settings are hidden.
+    await frame.getByRole("button", { name: "Settings" }).click();
+    await frame.locator("#share").click();
+    return frame.locator(".notice.shown");
+  };
+  await expect(await copy("")).toContainText("does not let it copy links");
+  await context.grantPermissions(["clipboard-write"]);
+  await expect(await copy('allow="clipboard-write"')).toHaveText("Link copied.");
+});
+
 test("side by side and wipe draw the full mesh beside it", async ({ page, host }) => {
   await page.goto(`${host.url}${COARSE}`);
   const { triangles } = await settled(page);

@@ -61,7 +61,15 @@ export async function readWhole(url: string, options: FetchOptions = {}): Promis
 /** The error of a request that failed. */
 export function asUmbelError(error: unknown, url: string): UmbelError {
   if (error instanceof UmbelError) return error;
-  return new UmbelError("network", `The connection to ${hostOf(url)} was lost.`);
+  // Browsers do not tell a page which of the two it is.
+  const reason = isOther(url) ? ", or it does not let this page read the file (CORS)" : "";
+  return new UmbelError("network", `The connection to ${hostOf(url)} was lost${reason}.`);
+}
+
+/** Whether an address is at another host than the page. */
+function isOther(url: string): boolean {
+  const own = globalThis.location?.origin;
+  return own !== undefined && /^https?:/.test(url) && new URL(url).origin !== own;
 }
 
 /** The error of an answer's status. */
