@@ -23,17 +23,22 @@ class Dask(Futures):
         except ImportError:
             raise Error("building with Dask needs it: pip install 'umbel[dask]'") from None
         super().__init__()
-        self._own = isinstance(client, str)
-        if self._own:
-            try:
-                client = self._distributed.Client(client, set_as_default=False)
-            except Exception as error:
-                raise Error(f"no Dask scheduler at {client}: {error}") from None
-        self._client = client
+        self._address = client if isinstance(client, str) else None
+        self._client = client if self._address is None else None
+        self._connect()
         self._unit_bytes = 1
         self._threads = 1
 
+    def _connect(self) -> None:
+        if self._client is not None:
+            return
+        try:
+            self._client = self._distributed.Client(self._address, set_as_default=False)
+        except Exception as error:
+            raise Error(f"no Dask scheduler at {self._address}: {error}") from None
+
     def start(self, unit_bytes: int, threads: int) -> None:
+        self._connect()
         self._unit_bytes, self._threads = unit_bytes, threads
         if self._fitting() == 0:
             raise Error(
@@ -74,5 +79,6 @@ class Dask(Futures):
         for future in self._tasks:
             future.cancel()
         self._tasks.clear()
-        if self._own:
+        if self._address is not None and self._client is not None:
             self._client.close()
+            self._client = None

@@ -180,7 +180,7 @@ def test_command_with_one_file(
     assert sums[0] == sums[1]
 
 
-def test_dask(bucket: Any, expected: str) -> None:
+def test_dask(bucket: Any, expected: str, tiles: list[Path], tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2,
@@ -189,8 +189,10 @@ def test_dask(bucket: Any, expected: str) -> None:
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
     ) as cluster:
-        report = build_asset(
-            *PLACES, work=WORK, unit_triangles=UNIT, executor=Dask(cluster.scheduler_address)
-        )
+        executor = Dask(cluster.scheduler_address)
+        report = build_asset(*PLACES, work=WORK, unit_triangles=UNIT, executor=executor)
+        # An executor may serve another build.
+        build_asset(tiles, tmp_path / "a.umbel", unit_triangles=UNIT, executor=executor)
     assert report["sha256"] == expected
+    assert hashlib.sha256((tmp_path / "a.umbel").read_bytes()).hexdigest() == expected
     check(bucket, expected)
