@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "query/nearest_hits.hpp"
 #include "query/ray_kernels.hpp"
 #include "query/triangle_test.hpp"
 
@@ -92,6 +93,9 @@ template <typename Intersector, typename Tree>
   });
 }
 
+/// Hits of a ray that are put in where they belong one by one; more are sorted together.
+constexpr size_t kMostInserted = 64;
+
 template <typename Intersector, typename Tree>
 static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit> found,
                            const RayOptions& options) {
@@ -102,6 +106,8 @@ static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit
     return a.t != b.t ? a.t < b.t : a.primitive < b.primitive;
   };
   size_t count = 0;
+  NearestHits many(found.size());
+  bool is_many = false;
   float t_max = frame.t_max;
   const Intersector tester(frame, tree);
   traverse(tree, tester, t_max, [&](uint32_t link) {
@@ -115,6 +121,10 @@ static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit
       const float t = hits.t[lane];
       if (t > t_max) continue;
       const Hit hit = hit_of(hits, lane, t, primitives[lane]);
+      if (is_many) {
+        many.add({&hit, 1}, t_max);
+        continue;
+      }
       const auto end = found.begin() + static_cast<std::ptrdiff_t>(count);
       const auto at = std::lower_bound(found.begin(), end, hit, precedes);
       // Spatial splits put a triangle into several leaves.
@@ -127,10 +137,16 @@ static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit
         std::move_backward(at, end - 1, end);
       }
       *at = hit;
-      if (count == found.size()) t_max = std::min(t_max, found.back().t);
+      if (count == found.size()) {
+        t_max = std::min(t_max, found.back().t);
+      } else if (count == kMostInserted) {
+        many.add(found.first(count), t_max);
+        is_many = true;
+      }
     }
     return false;
   });
+  if (is_many) count = many.write(found);
   for (size_t i = 0; i < count; ++i) found[i].t *= frame.t_unit;
   return count;
 }

@@ -2,7 +2,9 @@
 // options and intervals mean. test_oracle.cpp compares them with brute force.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
 
 #include "base/math.hpp"
@@ -141,6 +143,48 @@ TEST(Rays, all_hits_are_those_found_by_going_on_behind_each) {
         ray.t_min = std::nextafter(hit.t, 1e30f);
       }
       if (hits.size() < 64) ASSERT_FALSE(tree.intersect(ray).hit());
+    }
+  }
+}
+
+TEST(Rays, the_nearest_of_many_hits_are_those_before_all_others) {
+  // Layers in random order and, every third, twice; and a needle across all of them, which spatial
+  // splits put into many leaves.
+  Mesh mesh;
+  std::vector<uint32_t> order(3000);
+  std::iota(order.begin(), order.end(), 0u);
+  std::shuffle(order.begin(), order.end(), std::mt19937(4));
+  const auto add = [&](const Vec3& a, const Vec3& b, const Vec3& c) {
+    const auto n = static_cast<uint32_t>(mesh.positions.size());
+    mesh.positions.insert(mesh.positions.end(), {a, b, c});
+    mesh.triangles.push_back({n, n + 1, n + 2});
+  };
+  for (const uint32_t layer : order) {
+    const float z = static_cast<float>(layer - layer % 3 % 2);
+    add({0, 0, z}, {1, 0, z}, {0, 1, z});
+    if (layer % 10 == 0) add({0, 0, -1}, {1, 0, 3000}, {0, 1, 3000 - z});
+  }
+  for (const Ray& ray :
+       {Ray{{0.25f, 0.25f, -5}, 0, {0, 0, 1}}, Ray{{0.25f, 0.25f, 4000}, 0, {0, 0, -1}}}) {
+    std::vector<Hit> all(mesh.triangles.size() + 1);
+    const Bvh reference = Bvh::build(mesh.view());
+    all.resize(reference.all_hits(ray, all));
+    EXPECT_GE(all.size(), 3000u);
+    EXPECT_TRUE(std::is_sorted(all.begin(), all.end(), [](const Hit& a, const Hit& b) {
+      return a.t != b.t ? a.t < b.t : a.primitive < b.primitive;
+    }));
+    for (const Simd simd : simd_paths()) {
+      BvhConfig config;
+      config.tree.builder = bvh::Builder::kSpatial;
+      config.tree.spatial_overlap = 0;
+      config.simd = simd;
+      const Bvh tree = Bvh::build(mesh.view(), config);
+      for (const size_t most : {1u, 7u, 63u, 64u, 65u, 66u, 100u, 1000u, 2999u, 10000u}) {
+        std::vector<Hit> hits(most);
+        hits.resize(tree.all_hits(ray, hits));
+        ASSERT_EQ(hits.size(), std::min(most, all.size()));
+        ASSERT_TRUE(std::equal(hits.begin(), hits.end(), all.begin())) << most;
+      }
     }
   }
 }
