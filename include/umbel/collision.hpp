@@ -29,7 +29,7 @@ struct CollisionOptions {
   /// double. Corners are mapped in double and rounded to floats; the identity changes no bit.
   std::array<double, 12> second_to_first{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
   uint32_t threads = 0;  ///< most threads to use; 0: all cores
-  /// Of `collide`, as that of BuildOptions.
+  /// As that of BuildOptions; `collides` reports no fraction.
   std::function<bool(float fraction, std::string_view stage)> progress = {};
 };
 

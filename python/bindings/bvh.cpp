@@ -248,12 +248,14 @@ void bind_builds(nb::class_<Bvh, TriangleQueries>& bvh) {
           "(sah_cost, built_sah_cost, rebuild_advised)");
 }
 
+/// With the progress of a run that has no function to call, so that an interrupt ends it.
 CollisionOptions collision_options(const std::array<double, 12>& second_to_first,
-                                   uint32_t threads) {
-  CollisionOptions options;
-  options.second_to_first = second_to_first;
-  options.threads = threads;
-  return options;
+                                   const BuildOptions& options) {
+  CollisionOptions how;
+  how.second_to_first = second_to_first;
+  how.threads = options.threads;
+  how.progress = options.progress;
+  return how;
 }
 
 void bind_collisions(nb::class_<Bvh, TriangleQueries>& bvh) {
@@ -261,11 +263,8 @@ void bind_collisions(nb::class_<Bvh, TriangleQueries>& bvh) {
          "collide",
          [](const Bvh& self, const Bvh& other, const std::array<double, 12>& rows,
             uint32_t threads) {
-           // Without a function to call, so that an interrupt ends it.
            auto pairs = run(nb::none(), threads, [&](const BuildOptions& options) {
-             CollisionOptions how = collision_options(rows, threads);
-             how.progress = options.progress;
-             return collide(self, other, how);
+             return collide(self, other, collision_options(rows, options));
            });
            return take<int32_t>(std::move(pairs));
          },
@@ -274,8 +273,9 @@ void bind_collisions(nb::class_<Bvh, TriangleQueries>& bvh) {
           "collides",
           [](const Bvh& self, const Bvh& other, const std::array<double, 12>& rows,
              uint32_t threads) {
-            nb::gil_scoped_release release;
-            return collides(self, other, collision_options(rows, threads));
+            return run(nb::none(), threads, [&](const BuildOptions& options) {
+              return collides(self, other, collision_options(rows, options));
+            });
           },
           "other"_a, "second_to_first"_a, "threads"_a = 0);
 }

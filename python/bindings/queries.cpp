@@ -1,4 +1,7 @@
 // The queries of every structure over triangles, for Python.
+#include <functional>
+
+#include "base/poll.hpp"
 #include "bind.hpp"
 #include "umbel/ray_arrays.hpp"
 #include "umbel/triangle_queries.hpp"
@@ -9,7 +12,7 @@ namespace {
 using FlatFloats = std::optional<Flat<float>>;
 using HitTuple = nb::typed<nb::tuple, Array<float>, Array<int32_t>, Array<float>, Array<float>>;
 
-/// Rays between two checks for Ctrl-C.
+/// Rays or points at once, which bounds memory.
 constexpr size_t kSlice = size_t{1} << 20;
 
 template <typename T>
@@ -32,13 +35,24 @@ RayArrays slice(const RayArrays& rays, size_t begin, size_t count) {
           part(rays.t_min, begin, count), part(rays.t_max, begin, count)};
 }
 
-/// Calls work(begin, count) for slices without the GIL; between them Ctrl-C is noticed.
+/// Calls work(begin, count) for slices without the GIL. Ctrl-C ends it.
 template <typename Work>
 void sliced(size_t total, const Work& work) {
-  for (size_t begin = 0; begin < total; begin += kSlice) {
-    if (begin > 0 && PyErr_CheckSignals() != 0) throw nb::python_error();
-    nb::gil_scoped_release release;
-    work(begin, std::min(kSlice, total - begin));
+  const nb::object nothing = nb::none();
+  PythonProgress interrupts(nothing);
+  const std::function<void()> poll = [&] {
+    if (!interrupts.report(0, "")) throw Error(ErrorCode::kCancelled, "interrupted");
+  };
+  try {
+    for (size_t begin = 0; begin < total; begin += kSlice) {
+      poll();
+      nb::gil_scoped_release release;
+      const PollScope scope(poll);
+      work(begin, std::min(kSlice, total - begin));
+    }
+  } catch (const Error&) {
+    interrupts.rethrow();
+    throw;
   }
 }
 

@@ -8,9 +8,14 @@
 #include <tbb/task_group.h>
 
 #include <algorithm>
+#include <utility>
+
+#include "base/poll.hpp"
 
 namespace umbel {
 namespace {
+
+thread_local const std::function<void()>* current_poll = nullptr;
 
 // Inside a loop that another thread has ended by an exception, loops end early too, and what
 // follows must not use what they have not made. oneTBB keeps the first exception.
@@ -19,6 +24,10 @@ void throw_if_cancelled() {
 }
 
 }  // namespace
+
+PollScope::PollScope(const std::function<void()>& poll)
+    : before_(std::exchange(current_poll, &poll)) {}
+PollScope::~PollScope() { current_poll = before_; }
 
 void with_threads(uint32_t threads, const std::function<void()>& work) {
   if (threads == 0) {
@@ -42,6 +51,7 @@ void detail::run_ranges(size_t count, size_t grain, RangeBody body) {
                       // ends soon.
                       for (size_t begin = range.begin(); begin != range.end();) {
                         if (tbb::is_current_task_group_canceling()) return;
+                        if (current_poll) (*current_poll)();
                         const size_t end = begin + std::min(grain, range.end() - begin);
                         body.run(body.body, begin, end);
                         begin = end;

@@ -132,11 +132,16 @@ class Collider {
     std::vector<std::vector<TrianglePair>> found(tasks.size());
     parallel_for(tasks.size(), 1, [&](size_t i) {
       std::vector<PartPair> waiting{tasks[i]};
-      while (!waiting.empty()) step(waiting, found[i]);
-      const size_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
-      if (std::this_thread::get_id() == caller)
-        progress.report(static_cast<double>(finished) / static_cast<double>(tasks.size()),
-                        "colliding");
+      const bool reports = std::this_thread::get_id() == caller;
+      const auto report = [&](size_t finished) {
+        const double fraction = static_cast<double>(finished) / static_cast<double>(tasks.size());
+        if (reports) progress.report(fraction, kStage);
+      };
+      for (uint32_t steps = 1; !waiting.empty(); ++steps) {
+        step(waiting, found[i]);
+        if (steps % kStepsBetweenReports == 0) report(done.load(std::memory_order_relaxed));
+      }
+      report(done.fetch_add(1, std::memory_order_relaxed) + 1);
     });
     for (auto& part : found) {
       all.insert(all.end(), part.begin(), part.end());
@@ -150,7 +155,9 @@ class Collider {
 
   /// Whether there are any. Most meshes that collide do so soon, and most that do not are told
   /// apart soon: other threads are called only after some thousand steps.
-  bool any(uint32_t threads) {
+  bool any(const BuildOptions& options) {
+    Progress progress(options);
+    const std::thread::id caller = std::this_thread::get_id();
     if (is_nothing()) return false;
     std::vector<PartPair> waiting{root()};
     std::vector<TrianglePair> found;
@@ -160,12 +167,16 @@ class Collider {
     }
     std::atomic<bool> is_found{false};
     if (waiting.empty()) return false;
-    with_threads(threads, [&] {
+    with_threads(options.threads, [&] {
       parallel_for(waiting.size(), 1, [&](size_t i) {
         std::vector<PartPair> below{waiting[i]};
         std::vector<TrianglePair> here;
-        while (!below.empty() && here.empty() && !is_found.load(std::memory_order_relaxed))
+        const bool reports = std::this_thread::get_id() == caller;
+        for (uint32_t steps = 1;
+             !below.empty() && here.empty() && !is_found.load(std::memory_order_relaxed); ++steps) {
           step(below, here);
+          if (reports && steps % kStepsBetweenReports == 0) progress.report(0, kStage);
+        }
         if (!here.empty()) is_found.store(true, std::memory_order_relaxed);
       });
     });
@@ -173,7 +184,8 @@ class Collider {
   }
 
  private:
-  static constexpr uint32_t kStepsAlone = 4096;
+  static constexpr uint32_t kStepsAlone = 4096, kStepsBetweenReports = 1024;
+  static constexpr const char* kStage = "colliding";
 
   bool is_nothing() const { return first_.reference_count == 0 || second_.reference_count == 0; }
   PartPair root() const { return {{0, first_.bounds}, {0, placement_.box(second_.bounds)}}; }
@@ -268,7 +280,8 @@ std::vector<TrianglePair> collide(const Bvh& first, const Bvh& second,
 }
 
 bool collides(const Bvh& first, const Bvh& second, const CollisionOptions& options) {
-  return Collider(BvhAccess::data(first), BvhAccess::data(second), options).any(options.threads);
+  return Collider(BvhAccess::data(first), BvhAccess::data(second), options)
+      .any({options.progress, options.threads});
 }
 
 }  // namespace umbel

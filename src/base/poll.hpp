@@ -1,0 +1,22 @@
+// A function that is called now and then during long loops, for callers who must look for
+// something.
+#pragma once
+
+#include <functional>
+
+namespace umbel {
+
+/// While it lives, parallel loops that its thread begins call `poll` on that thread, between parts
+/// of their work. What it throws ends the loop.
+class PollScope {
+ public:
+  explicit PollScope(const std::function<void()>& poll);
+  ~PollScope();
+  PollScope(const PollScope&) = delete;
+  PollScope& operator=(const PollScope&) = delete;
+
+ private:
+  const std::function<void()>* before_;
+};
+
+}  // namespace umbel
