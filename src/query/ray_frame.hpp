@@ -113,8 +113,9 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   const Float4 seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
   const uint32_t kz = kLargestAxis[sign_bits(Float4(firsts > seconds))];
 
-  f.t_min = ray.t_min + 0.0f;           // -0 becomes 0, so that distances compare as integers
-  f.t_max = std::min(ray.t_max, kMax);  // a hit at a t that overflows is a miss
+  // A hit at a t that overflows is a miss. -0 becomes 0, so that distances compare as integers.
+  f.t_min = std::max(ray.t_min, -kMax) + 0.0f;
+  f.t_max = std::min(ray.t_max, kMax);
   f.t_unit = 1.0f;
   // Written so that a NaN anywhere, which is the largest of all, comes here and fails.
   const bool is_far = !(furthest[0] <= 0x1p66f);
@@ -124,7 +125,7 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
     const int exponent = std::min(std::max(wanted, -126), 126);
     f.t_unit = power_of_two(-exponent);
     const float inverse = power_of_two(exponent);
-    f.t_min *= inverse;
+    f.t_min = std::max(f.t_min * inverse, -kMax);
     f.t_max = std::min(f.t_max * inverse, kMax);
     d *= f.t_unit;
     a *= f.t_unit;

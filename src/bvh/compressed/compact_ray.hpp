@@ -56,15 +56,16 @@ struct CompactFrame {
     const float furthest = larger(larger(most[0], most[1]), most[2]);
     kz = a[0] > a[1] ? (a[0] > a[2] ? 0u : 2u) : (a[1] > a[2] ? 1u : 2u);
     origin = ray.origin;
-    t_min = ray.t_min;
-    t_max = smaller(ray.t_max, kMax);  // a hit at a t that overflows is a miss
+    // A hit at a t that overflows is a miss.
+    t_min = larger(ray.t_min, -kMax);
+    t_max = smaller(ray.t_max, kMax);
     t_unit = 1.0f;
     const bool is_far = furthest > 0x1p66f;
     if (largest < 0x1p-20f || largest > 0x1p20f || is_far) {
       const int exponent = clamp_exponent(exponent_of(largest) - (is_far ? 40 : 0));
       t_unit = power_of_two(-exponent);
       const float inverse = power_of_two(exponent);
-      t_min *= inverse;
+      t_min = larger(t_min * inverse, -kMax);
       t_max = smaller(t_max * inverse, kMax);
       for (uint32_t k = 0; k < 3; ++k) {
         d[k] *= t_unit;

@@ -10,6 +10,7 @@ namespace {
 using testing::HalvedTree;
 using umbel::testing::adversarial_rays;
 using umbel::testing::is_right;
+using umbel::testing::rays_whose_t_overflows;
 using umbel::testing::trace_all;
 using umbel::testing::transformed;
 
