@@ -2,7 +2,7 @@ import { canvasPicture, differentPixels, expect, measureCanvas, settled, test } 
 
 const PLANET = "/?asset=planet.umbel";
 /** Of page and asset together, uncompressed. */
-const MAX_BYTES = 200_000;
+const MAX_BYTES = 210_000;
 
 test("the preview needs few bytes, and looks like the viewer's picture", async ({ page, host }) => {
   let release = () => {};

@@ -393,3 +393,45 @@ test("a small screen shows the picture, and the settings on demand", async ({ pa
   const { width } = await page.evaluate(() => ({ width: document.documentElement.scrollWidth }));
   expect(width).toBe(390);
 });
+
+test("a hidden panel can be shown again, also where the screen was turned", async ({
+  page,
+  host,
+}) => {
+  await page.setViewportSize({ width: 390, height: 780 });
+  await page.goto(`${host.url}${COARSE}`);
+  await settled(page);
+  await page.setViewportSize({ width: 844, height: 390 });
+  await page.getByRole("button", { name: "Settings" }).click();
+  await expect(page.locator("#panel")).toBeVisible();
+  await expect(page.getByRole("button", { name: "Settings" })).toBeHidden();
+});
+
+test("long names do not cover each other", async ({ page, host }) => {
+  const name = `${"long_name_".repeat(9)}.umbel`;
+  await page.route(`**/${name}`, async (route) => {
+    const answer = await route.fetch({ url: `${host.url}/planet.umbel` });
+    await route.fulfill({ response: answer });
+  });
+  const rectangle = async (selector: string) => {
+    const box = await page.locator(selector).boundingBox();
+    return box as NonNullable<typeof box>;
+  };
+  for (const width of [390, 800]) {
+    await page.goto("about:blank");
+    await page.setViewportSize({ width, height: 500 });
+    await page.goto(`${host.url}/?asset=${name}&compare=${name}#pixels=32`);
+    await settled(page);
+    const title = await rectangle(".title h1");
+    const right = await rectangle(width < 700 ? ".panel-button" : "#panel");
+    expect(title.x + title.width).toBeLessThanOrEqual(right.x);
+    const overflow = await page
+      .locator(".title h1, .names span")
+      .evaluateAll((all) =>
+        all.map((each) =>
+          getComputedStyle(each).overflow === "hidden" ? 0 : each.scrollWidth - each.clientWidth,
+        ),
+      );
+    expect(Math.max(...overflow)).toBe(0);
+  }
+});
