@@ -24,16 +24,13 @@ AllowOutside = Annotated[
 
 def bytes_of(option: str, text: str) -> int:
     """Bytes of a size such as 64MB; powers of 1000, and of 1024 for MiB."""
-    units = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9}
-    units |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30}
-    number = text.strip().rstrip("BbIiKkMmGg")
+    from umbel.errors import Error
+    from umbel.scale.memory import as_bytes
+
     try:
-        size = float(number) * units[text.strip()[len(number) :].upper()]
-    except (KeyError, ValueError):
-        size = 0.0
-    if not 1 <= size < 1e18:
+        return as_bytes(text)
+    except Error:
         fail(f"{option} must be a size such as 64MB, not {text!r}")
-    return int(size)
 
 
 def load_mesh(source: str, *, allow_outside: bool, drops: bool = False, threads: int = 0) -> Mesh:

@@ -18,8 +18,10 @@ import pytest
 import umbel
 from helpers.commands import COMMAND, Umbel
 from umbel.cli.failure import naming_file, with_flags
+from umbel.cli.inputs import bytes_of
 from umbel.cli.outputs import check_space
 from umbel.cli.run import Failure, hear
+from umbel.scale.memory import as_bytes
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +46,14 @@ def test_arguments_are_named_as_flags() -> None:
     assert naming_file("triangle 3 is wrong", path, [path]) == f"{path}: triangle 3 is wrong"
     assert naming_file(f"cannot read {path}", path, [path]) == f"cannot read {path}"
     assert naming_file("out.glb is a folder", path, [path, "out.glb"]) == "out.glb is a folder"
+
+
+def test_sizes_are_the_same_for_all_commands() -> None:
+    for text in ("64MB", "2 GB", "1tb", "3TiB", "1e3 kB", "7"):
+        assert bytes_of("--budget", text) == as_bytes(text)
+    for text in ("0", "nan", "1PB", "-2GB", ""):
+        with pytest.raises(Failure, match="--budget must be a size"):
+            bytes_of("--budget", text)
 
 
 @pytest.mark.parametrize(
