@@ -110,15 +110,14 @@ class Path {
   }
 
   /// The nearest hit at which light does not pass straight through.
-  SceneHit first_hit(Ray& ray, RayKinds kind, uint64_t& counter) {
+  SceneHit first_hit(const Ray& ray, RayKinds kind, uint64_t& counter) {
     ++counter;
     const SceneHit hit = scene_.intersect(ray, {}, kind);
     return scene_.see_through ? look_through(ray, hit, kind) : hit;
   }
 
-  /// An opaque surface may lie in the same plane as a transparent one, so the nearest opaque hit is
-  /// found separately.
-  [[gnu::noinline]] SceneHit look_through(Ray& ray, SceneHit hit, RayKinds kind) {
+  /// The nearest opaque hit, at which the search ends, is found separately.
+  [[gnu::noinline]] SceneHit look_through(Ray ray, SceneHit hit, RayKinds kind) {
     SceneHit opaque;
     for (uint32_t layer = 0; hit.hit(); ++layer) {
       const Passage passage = passage_at(scene_, hit, ray.direction);
@@ -132,20 +131,21 @@ class Path {
       const Vec3& through = passage.through;
       throughput_ = throughput_ * Vec3{through.x / on, through.y / on, through.z / on};
       if (passage.enters_body || passage.leaves_body) change_body(passage, hit);
-      if (layer == 0) opaque = continued(ray, kOpaqueBit, kind);
-      ray.t_min = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
-      Ray before = ray;
-      before.t_max = opaque.t;
-      hit = continued(before, kSeeThroughBit, kind);
-      const bool same_t = opaque.t == hit.t && opaque.primitive < hit.primitive;
-      if (opaque.t < hit.t || same_t) hit = opaque;
+      if (layer == 0) {
+        ++counts_.continued;
+        opaque = scene_.intersect(ray, {.mask = kOpaqueBit}, kind);
+        ray.t_max = opaque.t;
+      }
+      hit = next_layer(ray, hit, kind);
+      if (opaque.precedes(hit)) hit = opaque;
     }
     return hit;
   }
 
-  SceneHit continued(const Ray& ray, uint32_t mask, RayKinds kind) {
+  /// What is not opaque behind a hit or in its plane.
+  SceneHit next_layer(const Ray& ray, const SceneHit& hit, RayKinds kind) {
     ++counts_.continued;
-    return scene_.intersect(ray, {.mask = mask}, kind);
+    return scene_.next(ray, hit, {.mask = kSeeThroughBit}, kind);
   }
 
   /// The transmittance along a ray.
@@ -155,14 +155,14 @@ class Path {
     return scene_.occluded(ray) ? Vec3{0, 0, 0} : Vec3{1, 1, 1};
   }
 
-  [[gnu::noinline]] Vec3 visibility_through(Ray ray) {
+  [[gnu::noinline]] Vec3 visibility_through(const Ray& ray) {
     const Vec3 none{0, 0, 0};
     if (scene_.occluded(ray, {.mask = kOpaqueBit})) return none;
     Vec3 through{1, 1, 1};
     float crossed = 0.0f;
+    ++counts_.continued;
+    SceneHit hit = scene_.intersect(ray, {.mask = kSeeThroughBit}, kOtherRays);
     for (uint32_t layer = 0; layer < kMostLayers; ++layer) {
-      ++counts_.continued;
-      const SceneHit hit = scene_.intersect(ray, {.mask = kSeeThroughBit}, kOtherRays);
       if (!hit.hit()) return through;
       const Passage passage = passage_at(scene_, hit, ray.direction);
       through = through * passage.through;
@@ -170,7 +170,7 @@ class Path {
       if (passage.leaves_body)
         through = through * absorbed(scene_.triangles[hit.primitive].material, hit.t - crossed);
       if (passage.leaves_body || passage.enters_body) crossed = hit.t;
-      ray.t_min = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
+      hit = next_layer(ray, hit, kOtherRays);
     }
     return none;
   }

@@ -123,6 +123,20 @@ Vec3 mean_emission(const Scene::Data& scene, const Material& m) {
   return m.emission * Vec3{mean.x, mean.y, mean.z};
 }
 
+SceneHit Scene::Data::next(const Ray& ray, const SceneHit& after, const RayOptions& options,
+                           RayKinds kind) const {
+  if (clusters) return clusters->next(ray, after, options, kind);
+  Ray rest = ray;
+  rest.t_min = after.t;
+  // The hits at the same t come before it: that one, and mostly no other.
+  for (std::vector<Hit> hits(2);; hits.resize(2 * hits.size())) {
+    const size_t count = structure->all_hits(rest, hits, options);
+    for (size_t i = 0; i < count; ++i)
+      if (const SceneHit hit{{hits[i]}, 0}; after.precedes(hit)) return hit;
+    if (count < hits.size()) return {};
+  }
+}
+
 Scene::Scene() : data_(std::make_unique<Data>()) {
   data_->structure = std::make_unique<Bvh>();
   data_->materials.push_back(default_material());

@@ -75,6 +75,9 @@ struct Scene::Data {
     if (clusters) return clusters->intersect(ray, options, kind);
     return {{structure->intersect(ray, options)}, 0};
   }
+  /// The hit that comes next behind another of the same ray, or at the same t.
+  SceneHit next(const Ray& ray, const SceneHit& after, const RayOptions& options,
+                RayKinds kind) const;
   /// Whether anything occludes a shadow or bounce ray.
   bool occluded(const Ray& ray, const RayOptions& options = {}) const {
     return clusters ? clusters->occluded(ray, options, kOtherRays)

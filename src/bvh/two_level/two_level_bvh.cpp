@@ -130,7 +130,7 @@ void TwoLevelBvh::visit_cluster(const ClusterInstance& instance, const LocalRay&
           best.u = hit.v / hit.determinant;
           best.v = hit.w / hit.determinant;
           best.transform = instance.transform;
-          limit = found(best) ? t : -kInfinity;
+          limit = found(best, limit);
         }
         return limit;
       });
@@ -139,19 +139,31 @@ void TwoLevelBvh::visit_cluster(const ClusterInstance& instance, const LocalRay&
 InstanceHit TwoLevelBvh::intersect(const Ray& ray, const RayOptions& options,
                                    uint32_t ray_kind) const {
   InstanceHit best;
-  visit(top_level_for(ray_kind), ray, options, [&](const InstanceHit& hit) {
-    // Clusters that share an edge hit it at the same t; the lower one is taken whatever the order.
-    if (hit.t < best.t || (hit.t == best.t && hit.primitive < best.primitive)) best = hit;
-    return true;
+  visit(top_level_for(ray_kind), ray, options, [&](const InstanceHit& hit, float) {
+    // Clusters that share an edge hit it at the same t; the first one is taken whatever the order.
+    if (hit.precedes(best)) best = hit;
+    return hit.t;
+  });
+  return best;
+}
+
+InstanceHit TwoLevelBvh::next(Ray ray, const InstanceHit& after, const RayOptions& options,
+                              uint32_t ray_kind) const {
+  InstanceHit best;
+  ray.t_min = after.t;
+  visit(top_level_for(ray_kind), ray, options, [&](const InstanceHit& hit, float limit) {
+    if (!after.precedes(hit)) return limit;
+    if (hit.precedes(best)) best = hit;
+    return hit.t;
   });
   return best;
 }
 
 bool TwoLevelBvh::occluded(const Ray& ray, const RayOptions& options, uint32_t ray_kind) const {
   bool is_hit = false;
-  visit(top_level_for(ray_kind), ray, options, [&](const InstanceHit&) {
+  visit(top_level_for(ray_kind), ray, options, [&](const InstanceHit&, float) {
     is_hit = true;
-    return false;
+    return -kInfinity;
   });
   return is_hit;
 }

@@ -16,6 +16,11 @@ namespace umbel::bvh {
 
 struct InstanceHit : Hit {
   uint32_t transform = 0;  ///< of the instance that was hit
+  /// In the order in which hits are found.
+  bool precedes(const InstanceHit& other) const {
+    if (t != other.t) return t < other.t;
+    return primitive != other.primitive ? primitive < other.primitive : transform < other.transform;
+  }
 };
 
 /// A cluster's triangles among all, and the tree over them.
@@ -43,6 +48,9 @@ class TwoLevelBvh {
   /// `ray_kind` is kPrimaryRays or kSecondaryRays.
   InstanceHit intersect(const Ray& ray, const RayOptions& options, uint32_t ray_kind) const;
   bool occluded(const Ray& ray, const RayOptions& options, uint32_t ray_kind) const;
+  /// The first hit that `after`, one of the same ray, precedes.
+  InstanceHit next(Ray ray, const InstanceHit& after, const RayOptions& options,
+                   uint32_t ray_kind) const;
 
   const InstanceTransform& transform(uint32_t index) const { return transforms_[index]; }
   /// Of what primary rays meet.

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "base/math.hpp"
@@ -218,6 +219,29 @@ TEST(ClusterScene, a_part_may_mix_materials) {
   ray.origin = {0.25f, 0.75f, 1};
   EXPECT_FALSE(scene.data().occluded(ray, {.mask = kOpaqueBit}));
   EXPECT_EQ(scene.instanced_triangles(), 2u);
+}
+
+TEST(ClusterScene, hits_at_the_same_t_follow_each_other) {
+  ClusterScene clusters;
+  clusters.transforms = {kIdentity, kIdentity};
+  ClusterPart part;
+  part.geometry.positions = {{-1, -1, 0}, {1, -1, 0}, {0, 1, 0},
+                             {-1, -1, 1}, {1, -1, 1}, {0, 1, 1}};
+  part.geometry.triangles = {0, 1, 2, 0, 1, 2, 3, 4, 5};
+  clusters.parts = {part};
+  clusters.instances = {{0, 0}, {0, 1}};
+  const Scene scene = Scene::build(clusters, {});
+  const Scene::Data& data = scene.data();
+  Ray ray;
+  ray.origin = {0.1f, 0, -1};
+  ray.direction = {0, 0, 1};
+  SceneHit hit = data.intersect(ray);
+  std::vector<std::array<float, 3>> found;
+  for (; hit.hit(); hit = data.next(ray, hit, {}, kCameraRays))
+    found.push_back({hit.t, float(hit.primitive), float(hit.transform)});
+  const std::vector<std::array<float, 3>> expected = {{1, 0, 0}, {1, 0, 1}, {1, 1, 0},
+                                                      {1, 1, 1}, {2, 2, 0}, {2, 2, 1}};
+  EXPECT_EQ(found, expected);
 }
 
 TEST(ClusterScene, refuses_what_does_not_fit) {

@@ -271,6 +271,34 @@ TEST(Render, nothing_in_the_plane_of_a_wall_is_no_hole_in_it) {
   }
 }
 
+TEST(Render, every_veil_in_one_plane_counts) {
+  Material veil = lambert(0.0f), nothing = veil;
+  veil.alpha = 0.5f;
+  veil.alpha_mode = AlphaMode::kBlend;
+  nothing.alpha = 0.0f;
+  nothing.alpha_mode = AlphaMode::kMask;
+  for (const uint32_t veils : {1u, 2u, 3u}) {
+    Mesh mesh;
+    append(mesh, square(10), {0, 0, 0.5f}, 2);
+    for (uint32_t k = 0; k < veils; ++k) append(mesh, square(10), {0, 0, 0.5f}, 1);
+    append(mesh, square(100), {0, 0, 0}, 0);
+    const double seen = std::pow(0.5, veils);
+    Settings settings = small_picture(8, 1024);
+    settings.max_bounces = 0;
+    const std::vector<Material> lamp = {emitter(1), veil, nothing},
+                                lit = {lambert(1), veil, nothing};
+    const double of_lamp =
+        mean(render(scene_of(mesh, lamp, constant(0)), from_above(), settings).image);
+    EXPECT_NEAR(of_lamp / seen, 1, 0.03) << veils;
+    const double of_sun =
+        mean(render(scene_of(mesh, lit, lone_sun({0, 0, 1})), from_above(), settings).image);
+    const double alone = mean(
+        render(scene_of(square(100), {lambert(1)}, lone_sun({0, 0, 1})), from_above(), settings)
+            .image);
+    EXPECT_NEAR(of_sun / alone / (seen * seen), 1, 0.06) << veils;
+  }
+}
+
 TEST(Render, holes_of_a_cut_out_texture_are_not_there) {
   // Left half of the image opaque, right half a hole.
   const std::vector<uint8_t> texels = {0, 0, 0, 255, 255, 255, 255, 0};
