@@ -63,7 +63,7 @@ class _Moving:
                 ) from None
             self.vertices.append(local)
             corners = local[part.triangles.astype(np.int64)]
-            self.edges.append(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]]]))
+            self.edges.append(corners[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2))
         self.low = np.full((self.count, 3), np.inf)
         self.high = np.full((self.count, 3), -np.inf)
         self.stretch = np.ones(len(lod.clusters))

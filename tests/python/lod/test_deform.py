@@ -83,6 +83,24 @@ def test_errors_grow_with_the_mesh():
     assert np.allclose(grown, lod.groups["error"] * np.float32(3), rtol=1e-3)
 
 
+@pytest.mark.parametrize("corner", [0, 1, 2])
+def test_errors_grow_by_any_edge_that_is_stretched(corner):
+    """Every triangle of a soup opens like a pair of compasses, so two of its edges stay as long."""
+    hinge = np.float32([[0, 0, 0], [1, 0, 0], [0.9, 0.1, 0]])
+    opened = np.float32([[0, 0, 0], [1, 0, 0], [1 + np.sqrt(0.02), 0, 0]])
+    offsets = np.random.default_rng(3).random((2000, 1, 3), np.float32) * 20
+
+    def soup(triangle):
+        return (np.roll(triangle, corner, axis=0) + offsets).reshape(-1, 3)
+
+    mesh = umbel.Mesh(soup(hinge), np.arange(6000).reshape(-1, 3))
+    lod = umbel.build_lod(mesh, keep_area=False)
+    grown = deforming_tables(lod, mesh, [soup(opened)]).groups["error"]
+    first = lod.groups["level"] == 0
+    stretch = (1 + np.sqrt(0.02)) / np.sqrt(0.82)
+    assert (grown[first] >= lod.groups["error"][first] * np.float32(stretch * 0.999)).all()
+
+
 def test_poses_must_fit_the_mesh():
     mesh = shapes.torus(20, 10)
     lod = umbel.build_lod(mesh)
