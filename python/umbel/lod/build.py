@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import operator
 import os
 import warnings
 from collections.abc import Callable, Sequence
@@ -18,6 +19,7 @@ from umbel import _umbel
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.arrays import (
     about,
+    array_of,
     as_mesh,
     extras_of,
     indices,
@@ -326,7 +328,7 @@ def _native_config(config: dict[str, Any]) -> _umbel.LodConfig:
 
 def _group_limits(group_size: Sequence[int]) -> dict[str, int]:
     try:
-        low, high = (int(value) for value in group_size)
+        low, high = (operator.index(value) for value in group_size)
     except (TypeError, ValueError):
         raise Error(f"group_size must be two integers, not {group_size!r}") from None
     return {"min_group": low, "max_group": high}
@@ -340,7 +342,10 @@ def _describe(source: Any, mesh: Mesh) -> dict[str, Any]:
 
 
 def _locked(locked: ArrayLike) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(np.asarray(locked).astype(bool)).view(np.uint8)
+    given = array_of("locked", locked)
+    if given.ndim != 1:
+        raise Error(f"locked must have shape (n,), not {given.shape}")
+    return np.ascontiguousarray(given.astype(bool)).view(np.uint8)
 
 
 def _takes_reasons(decimate: Decimate) -> bool:
