@@ -1,8 +1,13 @@
 // The panel's section for the allowed error and the memory.
 
+import type { UmbelMesh } from "umbel/three";
 import { BUDGETS, PIXELS, type State } from "../state";
+import type { Meshes } from "../viewport/viewport";
 import { LogSlider, section, Toggle } from "./controls";
 import { bytes, h } from "./dom";
+
+/** Factors below are too small to see. */
+const LEAST_FACTOR = 1.01;
 
 export class DetailSection {
   readonly element: HTMLElement;
@@ -56,9 +61,19 @@ export class DetailSection {
     this.hold.set(frameRate > 0);
   }
 
-  /** Says by which factor the budget raises the allowed error. */
-  showScale(scale: number): void {
-    this.limit.hidden = scale <= 1.01;
-    this.limit.textContent = `The memory allows ${scale.toPrecision(2)} times the error.`;
+  /** Says by which factor the budget raises the allowed error of each mesh. */
+  showLimits([left, right]: Meshes): void {
+    const texts: string[] = [];
+    const factor = (mesh: UmbelMesh | undefined) => mesh?.statistics?.scale ?? 1;
+    const times = (mesh: UmbelMesh | undefined) => `${factor(mesh).toPrecision(2)} times the error`;
+    if (factor(left) > LEAST_FACTOR) texts.push(`The memory allows ${times(left)}.`);
+    if (factor(right) > LEAST_FACTOR)
+      texts.push(
+        right?.pixelError === 0
+          ? "The memory does not hold the full mesh: what is seen most is as fine as it allows."
+          : `On the right the memory allows ${times(right)}.`,
+      );
+    this.limit.hidden = texts.length === 0;
+    this.limit.textContent = texts.join(" ");
   }
 }

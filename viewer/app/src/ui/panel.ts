@@ -107,8 +107,7 @@ export class Panel {
 
   showCounts(frame: FrameCounts, meshes: Meshes): void {
     this.counters.show(frame, meshes);
-    const [mesh] = meshes;
-    if (mesh?.statistics) this.detail.showScale(mesh.statistics.scale);
+    this.detail.showLimits(meshes);
   }
 }
 
