@@ -26,7 +26,7 @@ import { listenToDrops, listenToKeys, listenToPointer } from "./ui/input";
 import { ErrorCard, helpDialog, Notice, titleOf } from "./ui/messages";
 import { Panel } from "./ui/panel";
 import { Progress } from "./ui/progress";
-import { toggleTheme } from "./ui/theme";
+import { applyTheme, toggleTheme } from "./ui/theme";
 import { showTitle } from "./ui/title";
 import { type FrameCounts, Viewport } from "./viewport/viewport";
 
@@ -99,7 +99,11 @@ export class Viewer {
     this.comparison = new Comparison(host, state, this.viewport, this.loader, this.notice);
     this.recorder = new CameraRecorder(this.panel, this.notice);
     this.viewport.onFrame = (counts) => this.onFrame(counts);
-    this.viewport.onMeshes = (meshes) => this.loader.setMeshes(meshes);
+    this.viewport.onMeshes = (meshes) => {
+      this.loader.setMeshes(meshes);
+      const { picked } = this.viewport;
+      if (picked && !meshes.includes(picked.mesh)) this.deselect();
+    };
     this.viewport.onContext = (isLost) => {
       if (isLost)
         this.notice.show("The browser took the GPU away: the picture waits for it.", true);
@@ -146,6 +150,10 @@ export class Viewer {
   }
 
   private listen(host: HTMLElement, actions: KeyActions): void {
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => {
+      applyTheme();
+      this.viewport.apply();
+    });
     addEventListener("hashchange", () => void this.followLink());
     this.fileInput.onchange = () => {
       const file = this.fileInput.files?.[0];
@@ -194,6 +202,8 @@ export class Viewer {
       const mesh = await this.loader.load(source, this.state.pixelError, early);
       if (opening !== this.openings) return mesh.dispose();
       this.source = source;
+      // What was frozen is the cut of the asset before.
+      this.state.frozen = false;
       this.comparison.setSource(source);
       this.viewport.setMesh(0, mesh);
       if (pose) this.viewport.camera.setPose(pose);
@@ -335,7 +345,7 @@ export class Viewer {
     const pixelsPerUnit = this.viewport.height / (2 * tangent * found.distance);
     this.card = clusterCard(found, pixelsPerUnit, () => this.deselect());
     this.root.append(this.card);
-    this.viewport.picked = found.cluster.cluster;
+    this.viewport.picked = { mesh: found.mesh, cluster: found.cluster.cluster };
     this.viewport.apply();
   }
 

@@ -187,3 +187,33 @@ test("a full mesh that arrives when it is no longer compared is dropped", async 
   expect(await page.evaluate(() => globalThis.umbelViewer?.viewport.meshes[1])).toBeUndefined();
   expect(page.workers().length).toBe(1);
 });
+
+test("a picked cluster is one of its own asset, and its card goes with that", async ({
+  page,
+  host,
+}) => {
+  await page.goto(`${host.url}${PAIR}&layout=side`);
+  await settled(page);
+  await page.waitForFunction(
+    () => globalThis.umbelViewer?.viewport.meshes[1]?.statistics?.isSettled,
+  );
+  await quiet(page);
+  const left = { x: 0, y: 0, width: 200, height: 360 };
+  const picture = () =>
+    page.screenshot({ clip: left, style: "#picked, .notice { visibility: hidden }" });
+  const before = await picture();
+  await page.mouse.click(315, 180);
+  await expect(page.locator("#picked")).toHaveCount(1);
+  await quiet(page);
+  expect(await differentPixels(page, before, await picture())).toBe(0);
+  await page.locator("[data-layout=single]").click();
+  await expect(page.locator("#picked")).toHaveCount(0);
+});
+
+test("the panel says where the memory does not hold the full mesh", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=paged.umbel#pixels=32&budget=12&layout=side`);
+  await settled(page);
+  await expect(page.locator("#panel")).toContainText("The memory does not hold the full mesh");
+  await page.locator("[data-layout=single]").click();
+  await expect(page.locator("#panel")).not.toContainText("The memory");
+});

@@ -55,11 +55,18 @@ test("keys that are held move the camera on, and act once otherwise", async ({ p
   expect(pictures).toBe(1);
 });
 
-test("the theme can be toggled, and the choice is stored", async ({ page, host }) => {
+test("the theme is the system's until it is toggled, and the choice is stored", async ({
+  page,
+  host,
+}) => {
   await page.goto(host.url + COARSE);
   await settled(page);
   const theme = () => page.evaluate(() => document.documentElement.dataset.theme);
   expect(await theme()).toBe("light");
+  await page.emulateMedia({ colorScheme: "dark" });
+  await expect.poll(theme).toBe("dark");
+  await page.emulateMedia({ colorScheme: "light" });
+  await expect.poll(theme).toBe("light");
   await page.keyboard.press("t");
   expect(await theme()).toBe("dark");
   await page.reload();

@@ -210,6 +210,30 @@ test("a frozen cut stays while the camera moves", async ({ page, host }) => {
   expect((await settled(page)).triangles).not.toBe(before.triangles);
 });
 
+test("an asset that is opened while another is frozen is shown", async ({ page, host }) => {
+  await page.goto(host.url + COARSE);
+  await settled(page);
+  await page.locator("#freeze").check();
+  // The frozen cut stays beside another asset, which has none yet.
+  await page.keyboard.press("c");
+  await page.waitForFunction(
+    () => (globalThis.umbelViewer?.viewport.meshes[1]?.drawn.triangles ?? 0) > 0,
+  );
+  await expect(page.locator("#freeze")).toBeChecked();
+  await page.keyboard.press("c");
+  await page.keyboard.press("c");
+  await dropAsset(page, "blob_16bits_compact.umbel", "other.umbel");
+  await expect(page.locator(".title h1")).toHaveText("other.umbel");
+  await settled(page);
+  await expect(page.locator("#freeze")).not.toBeChecked();
+});
+
+test("an asset without triangles is opened, and loads no longer", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=empty.umbel`);
+  await expect(page.locator(".title p")).toHaveText("0 triangles, 0 levels");
+  await expect(page.locator(".progress.done")).toBeAttached();
+});
+
 test("a click picks a cluster and shows its properties", async ({ page, host }) => {
   await page.goto(host.url + COARSE);
   await settled(page);

@@ -26,7 +26,8 @@ export class Progress {
 
   update(counts: FrameCounts, meshes: Meshes): void {
     const [mesh] = meshes;
-    if (mesh?.statistics) {
+    if (mesh?.info.levels === 0) this.end();
+    else if (mesh?.statistics) {
       const { wantedBytes, residentBytes, missingPages, triangles } = mesh.statistics;
       const done = missingPages === 0 && triangles > 0 && mesh.textures.missing === 0;
       this.element.classList.toggle("done", done);

@@ -53,8 +53,8 @@ export class Viewport {
   readonly camera: OrbitCamera;
   /** Left and right; the right one is for comparison. */
   meshes: [UmbelMesh | undefined, UmbelMesh | undefined] = [undefined, undefined];
-  /** Number of the picked cluster, which is highlighted. */
-  picked: number | undefined;
+  /** The picked cluster, which is highlighted, by its number. */
+  picked: { mesh: UmbelMesh; cluster: number } | undefined;
   /** Whether the right mesh has the pixel error of the left one; otherwise it is exact. */
   rightFollows = false;
   onFrame: ((counts: FrameCounts) => void) | undefined;
@@ -177,7 +177,8 @@ export class Viewport {
     this.lineMaterial.color = new Color(isDark ? 0x0b0d10 : 0x1c2127);
     for (const mesh of this.meshes) {
       if (!mesh) continue;
-      mesh.setTint(tintOf(viewMode, mesh, this.picked));
+      const picked = this.picked?.mesh === mesh ? this.picked.cluster : undefined;
+      mesh.setTint(tintOf(viewMode, mesh, picked));
       mesh.setLines(wireframe ? this.lineMaterial : undefined);
       mesh.isFrozen = frozen;
       mesh.onMaterial = (material) => this.prepare(material);

@@ -230,7 +230,8 @@ export class UmbelMesh extends Object3D {
     this.applyUpdates(start);
     const { y: height } = renderer.getDrawingBufferSize(new Vector2());
     const { pixelError, offscreen } = this;
-    if (!this.isFrozen)
+    // Without a cut there is none to keep.
+    if (!this.isFrozen || this.views.version === 0)
       this.views.update({ camera, height, pixelError, offscreen }, this.matrixWorld);
     this.cullAndCount(camera);
     this.budget.setEdges(this.residents.edgeRatio);
