@@ -227,9 +227,12 @@ def build_with(
             sorts = write_recipe(opened, place.files, folder_path, staging is not None)
             executor.start(max(plan["unit_bytes"], _sorting_bytes(opened)), 1)
             feed = Feed(executor, str(folder_path.absolute()), 1, staging, sorts)
-        materials, files = write_materials(
+        materials, images = write_materials(
             opened.materials, textures, made.absolute().parent, thread_count(threads)
         )
+        files = _stored(images, folder_path / "source")
+        # So they take no memory while units are built.
+        opened.materials, images = [], []
         said: dict[str, Any] = {
             "generator": f"umbel {_umbel.version()}",
             "name": _name(place.files),
@@ -383,6 +386,21 @@ def _command(threads: int) -> list[str]:
         "sys.exit(main(sys.argv[1:]))"
     )
     return [sys.executable, "-c", code, str(threads)]
+
+
+def _stored(images: Sequence[bytes], folder: Path) -> list[Path]:
+    """A file of each image."""
+    paths: list[Path] = []
+    folder.mkdir(exist_ok=True)
+    for data in images:
+        paths.append(folder / f"image{len(paths)}")
+        try:
+            paths[-1].write_bytes(data)
+        except OSError as error:
+            stopped = Error(f"cannot write {paths[-1]}: {error.strerror or error}")
+            stopped.code = "io"
+            raise stopped from None
+    return paths
 
 
 def _sorting_bytes(source: Source) -> int:
