@@ -1,6 +1,11 @@
-import { Matrix4, PerspectiveCamera } from "three";
+import { Matrix4, OrthographicCamera, PerspectiveCamera } from "three";
 import { describe, expect, test } from "vitest";
-import { isSamePose, poseOf } from "../../../packages/umbel/src/three/camera_view.js";
+import {
+  isSamePose,
+  pixelsPerUnit,
+  poseOf,
+  viewOf,
+} from "../../../packages/umbel/src/three/camera_view.js";
 
 describe("a pose", () => {
   const poses = (x: number, turn: number) => {
@@ -18,4 +23,30 @@ describe("a pose", () => {
     expect(isSamePose(poses(1e-6, 0.300001), before)).toBe(false);
     expect(isSamePose(before, [])).toBe(false);
   });
+});
+
+test("a part of a picture is as fine as the whole", () => {
+  const settings = { pixelError: 1, offscreen: 4 };
+  const world = new Matrix4();
+  for (const camera of [
+    new PerspectiveCamera(40, 1.5, 0.1, 10),
+    new OrthographicCamera(-3, 3, 2, -2, 0.1, 10),
+  ]) {
+    camera.position.z = 5;
+    camera.zoom = 1.5;
+    camera.updateProjectionMatrix();
+    camera.updateMatrixWorld();
+    const sizes = (view: object) =>
+      Object.values(view).filter((value) => typeof value === "number") as number[];
+    const whole = sizes(viewOf({ ...settings, camera, height: 1200 }, world));
+    const pixels = pixelsPerUnit(camera, world, 1200)(2);
+    camera.setViewOffset(1800, 1200, 450, 300, 450, 300);
+    camera.updateProjectionMatrix();
+    const part = sizes(viewOf({ ...settings, camera, height: 300 }, world));
+    expect(whole.length).toBeGreaterThan(0);
+    whole.forEach((value, i) => {
+      expect(part[i] / value).toBeCloseTo(1, 6);
+    });
+    expect(pixelsPerUnit(camera, world, 300)(2) / pixels).toBeCloseTo(1, 6);
+  }
 });

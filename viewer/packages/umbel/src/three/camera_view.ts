@@ -39,8 +39,7 @@ export function viewOf(
 ): View {
   const [low, high] = scalesOf(world);
   if ((camera as OrthographicCamera).isOrthographicCamera) {
-    const { top, bottom, zoom } = camera as OrthographicCamera;
-    return { kind: "error", error: (pixelError * (top - bottom)) / (zoom * height * high) };
+    return { kind: "error", error: (pixelError * orthographicHeight(camera)) / (height * high) };
   }
   const eye = cameraPosition(camera, world);
   // Errors grow at most with the longest axis; distances grow at least with the shortest.
@@ -96,8 +95,7 @@ export function pixelsPerUnit(
   height: number,
 ): (distance: number) => number {
   if ((camera as OrthographicCamera).isOrthographicCamera) {
-    const { top, bottom, zoom } = camera as OrthographicCamera;
-    const pixels = (scalesOf(world)[1] * zoom * height) / (top - bottom);
+    const pixels = (scalesOf(world)[1] * height) / orthographicHeight(camera);
     return () => pixels;
   }
   const atOne = height / (2 * Math.tan(fieldOfView(camera) / 2));
@@ -111,8 +109,22 @@ export function cameraPosition(camera: Camera, world: Matrix4): Vector3 {
     .applyMatrix4(world.clone().invert());
 }
 
+/** The height of what an orthographic camera shows. */
+function orthographicHeight(camera: Camera): number {
+  const { top, bottom, zoom } = camera as OrthographicCamera;
+  return (partOf(camera) * (top - bottom)) / zoom;
+}
+
 function fieldOfView(camera: Camera): number {
-  return ((camera as PerspectiveCamera).getEffectiveFOV() * Math.PI) / 180;
+  const angle = ((camera as PerspectiveCamera).getEffectiveFOV() * Math.PI) / 180;
+  const part = partOf(camera);
+  return part === 1 ? angle : 2 * Math.atan(part * Math.tan(angle / 2));
+}
+
+/** The part of its picture's height that a camera shows: that of `setViewOffset`. */
+function partOf(camera: Camera): number {
+  const { view } = camera as PerspectiveCamera | OrthographicCamera;
+  return view?.enabled ? view.height / view.fullHeight : 1;
 }
 
 /** The scales of an object's shortest and longest axis. */
