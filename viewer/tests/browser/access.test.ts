@@ -61,3 +61,29 @@ test("forced colours show what is chosen", async ({ page, host }) => {
   expect(chosen).not.toBe(await background("[data-mode=levels]"));
   expect(await background(".divider", "::before")).toBe(chosen);
 });
+
+test("the picture shows that it has the focus, over its background too", async ({ page, host }) => {
+  for (const forcedColors of ["none", "active"] as const) {
+    await page.emulateMedia({ forcedColors });
+    await page.goto("about:blank");
+    // Glass needs a background in the picture.
+    await page.goto(`${host.url}/?asset=materials.umbel#pixels=32`);
+    await settled(page);
+    await page.keyboard.press("Tab");
+    await expect(page.locator(".viewport canvas")).toBeFocused();
+    const outline = await page.locator(".viewport canvas").evaluate((canvas) => {
+      const { outlineStyle, outlineWidth, outlineOffset } = getComputedStyle(canvas);
+      return `${outlineStyle} ${outlineWidth} ${outlineOffset}`;
+    });
+    expect(outline).toBe("solid 2px -2px");
+    const { x, y } = (await page.locator(".viewport canvas").boundingBox()) as {
+      x: number;
+      y: number;
+    };
+    await page.keyboard.press("Escape");
+    const edge = { x, y: y + 100, width: 2, height: 40 };
+    const focused = await page.screenshot({ clip: edge });
+    await page.locator("#share").focus();
+    expect(focused.equals(await page.screenshot({ clip: edge }))).toBe(false);
+  }
+});
