@@ -49,6 +49,8 @@ def main() -> None:
         signal.signal(signal.SIGHUP, _stop)
     if sys.stdout is None:  # closed: what is written to it fails, and no file takes its number
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w")
+    if sys.stdout.errors == "strict":  # not every name has letters of its encoding alone
+        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     # Commands end cleanly by themselves; this is for what comes before them, imports above all.
     status = 0
     try:

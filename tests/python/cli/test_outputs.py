@@ -302,6 +302,15 @@ def test_names_that_are_no_text_are_no_crash(
     assert_one_sentence(umbel_command("info", source.with_name("\udce9.ply")))
 
 
+def test_output_that_has_not_all_letters_is_no_crash(
+    umbel_command: Umbel, blob_asset: Path, tmp_path: Path
+) -> None:
+    asset = tmp_path / "\u0107.umbel"
+    asset.write_bytes(blob_asset.read_bytes())
+    done = umbel_command("info", asset, env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert done.status == 0 and "\\u0107.umbel" in done.out and done.err == ""
+
+
 def test_sigterm_while_starting_shows_no_traceback(blob_asset: Path) -> None:
     for moment in (0.05, 0.1, 0.15, 0.2, 0.3):
         process = subprocess.Popen(
