@@ -3,6 +3,7 @@ is fetched with what it refers to, and read as one on this machine."""
 
 from __future__ import annotations
 
+import errno
 import tempfile
 import urllib.parse
 import warnings
@@ -40,7 +41,11 @@ def fetched(address: str) -> Iterator[Path]:
         raise Error(f"{address} names no file")
     with tempfile.TemporaryDirectory(prefix="umbel-") as folder:
         path = Path(folder) / name
-        path.write_bytes(_bytes_at(address))
+        data = _bytes_at(address)
+        try:
+            path.write_bytes(data)
+        except OSError as error:
+            raise _unwritten(path, error) from None
         _fetch_references(path, address)
         yield path
 
@@ -110,9 +115,17 @@ def _fetch_references(path: Path, address: str) -> None:
             data = _bytes_at(_sibling(address, name))
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
-        except (Error, OSError, ValueError):
+        except OSError as error:
+            if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                raise _unwritten(target, error) from None
+            continue
+        except (Error, ValueError):
             continue
         waiting += references(name, data)
+
+
+def _unwritten(path: Path, error: OSError) -> Error:
+    return Error(f"cannot write {path}: {error.strerror or error}; TMPDIR can name another folder")
 
 
 def _sibling(address: str, name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import http.server
 import json
@@ -237,3 +238,20 @@ def test_digests_follow_no_reference_out_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "out.mtl").write_bytes(b"newmtl b\n")
     assert source_digest(inner / "a.obj") == before[0]
     assert source_digest(inner / "a.obj", allow_outside=True) != before[1]
+
+
+@pytest.mark.parametrize("full", ["b.gltf", "my buffer.bin", "red.png"])
+def test_a_full_disk_for_temporary_files_is_named(
+    in_memory: str, monkeypatch: pytest.MonkeyPatch, full: str
+) -> None:
+    """Also where the mesh could be read without what there is no room for."""
+    write = Path.write_bytes
+
+    def write_bytes(path: Path, data: bytes) -> int:
+        if path.name == full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", write_bytes)
+    with pytest.raises(umbel.Error, match=f"cannot write .*{full}: No space left on .*TMPDIR"):
+        load_scene(f"{in_memory}/b.gltf")
