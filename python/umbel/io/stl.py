@@ -153,17 +153,18 @@ def _refuse(words: Words, text: bytes, first: int, where: str) -> None:
 def _facets_of(text: bytes, where: str) -> bytes:
     """The text with blanks in place of "solid" and "endsolid" and the names that follow them."""
     out = bytearray(text)
-    is_open, at, last, solids = False, 0, 0, 0
+    is_open, at, last, solids, line_end = False, 0, 0, 0, -1
     while (at := text.find(b"solid", at)) >= 0:
         is_end = text[max(at - 3, 0) : at] == b"end"
         begin = at - 3 * is_end
         if text[begin - 1 : begin].strip():
             at += 5  # part of a word
             continue
-        end = _LINE_END.search(text, at)
-        stop = end.start() if end else len(text)
-        more = (_NEXT_SOLID if is_end else _FIRST_FACET).search(text, at + 5, stop)
-        stop = more.start() if more else stop
+        if line_end < at:  # looked for once a line, which may be all of the file
+            end = _LINE_END.search(text, at)
+            line_end = end.start() if end else len(text)
+        more = (_NEXT_SOLID if is_end else _FIRST_FACET).search(text, at + 5, line_end)
+        stop = more.start() if more else line_end
         if is_end != is_open:
             line = line_at(text, at)
             raise Error(f"{where}, line {line}: 'solid' and 'endsolid' do not take turns")

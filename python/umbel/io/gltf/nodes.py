@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ class Nodes:
         self._children = [self._child_list(self.node(k), k) for k in range(self._count)]
         self._parents = self._parents_of_all()
         self._worlds: dict[int, Float64Array] = {}
+        skins = buffers.root.get("skins") or []
+        counts = [len(skin.get("joints") or []) for skin in skins]
+        self._first_joints = list(accumulate(counts, initial=0))
         self._check_tree()
 
     def node(self, index: int) -> Json:
@@ -103,11 +107,9 @@ class Nodes:
             at = self._parents[at]
         return chain[::-1]
 
-    def first_joint(self, skin: Any) -> int:
+    def first_joint(self, skin: int) -> int:
         """The number of a skin's first joint, counted through the file's skins."""
-        skins = self.buffers.root.get("skins") or []
-        before = skins[:skin] if isinstance(skin, int) else []
-        return sum(len(s.get("joints") or []) for s in before)
+        return self._first_joints[skin]
 
     def joint_matrices(self, skin: Any, user: str) -> Float64Array:
         """(joints, 4, 4) float64, from the skin's bind pose to the world in the rest pose."""
