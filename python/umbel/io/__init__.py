@@ -96,7 +96,7 @@ def save(path: str | os.PathLike[str], mesh: object) -> None:
     images of an .obj, so a failure leaves nothing new. Of the files beside it only those are
     replaced that Umbel wrote with an older file at `path`; others stay, and ours get a number.
     Raises `umbel.Error` if the folder cannot be written, the disk is full or the extension is
-    unknown. Positions, normals and UVs come back to the bit.
+    unknown. Positions, normals and UVs come back to the bit, but for UVs that OBJ turns round.
     """
     file = Path(path)
     extension = file.suffix.lower()
