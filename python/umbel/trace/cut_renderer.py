@@ -27,7 +27,7 @@ from umbel.lod.instances import (
 )
 from umbel.lod.residency import Residency
 from umbel.trace.renderer import Renderer
-from umbel.trace.shading import Environment, Shading, matching
+from umbel.trace.shading import Environment, Shading, matching, uv_set_of
 
 _PAGES = 6
 """One of so many parts of a budget may go to pages, as they are in the file, while the cut is
@@ -36,7 +36,6 @@ _BYTES_A_TRIANGLE, _BYTES_A_VERTEX, _BYTES_A_CLUSTER, _BYTES_AN_INSTANCE = 110, 
 """What is traced takes, at most."""
 _ATTEMPTS, _BACKOFF = 5, 0.1
 """To read a page; seconds before the second, twice that before the third, and so on."""
-_MOST_UV_SETS = 7
 _CAMERA_RAYS, _OTHER_RAYS, _ALL_RAYS = 1, 2, 3
 
 
@@ -141,28 +140,35 @@ def _resident(asset: Asset, budget: int) -> Residency:
 
 
 def _shading_of(asset: Asset) -> Shading:
-    """The materials of an asset, on a mesh without triangles that has every set of UVs: which of
-    them a cluster has, the cluster itself says."""
+    """The materials of an asset, on a mesh without triangles that has the sets of UVs that any of
+    its meshes has: which of them a cluster has, the cluster itself says."""
+    sets = [np.zeros((0, 2), np.float32)] * _uv_sets(asset)
     return Shading(
         Mesh(
             np.zeros((0, 3), np.float32),
             np.zeros((0, 3), np.uint32),
-            uvs=np.zeros((0, 2), np.float32) if _has_uvs(asset) else None,
-            uv_sets=[np.zeros((0, 2), np.float32)] * _MOST_UV_SETS,
+            uvs=sets[0] if sets else None,
+            uv_sets=sets[1:],
             material_ids=np.zeros(0, np.uint32),
             materials=asset.materials,
         )
     )
 
 
-def _has_uvs(asset: Asset) -> bool:
-    """Whether any mesh has some. Nothing is read where no material needs them."""
-    if not any(material.images for material in asset.materials):
-        return False
-    return any(
-        mesh["clusters"] and asset.cluster(0, index).uvs is not None
-        for index, mesh in enumerate(asset.meshes)
+def _uv_sets(asset: Asset) -> int:
+    """How many sets of UVs meshes have; no more is read than materials need."""
+    needed = max(
+        (1 + uv_set_of(material, slot) for material in asset.materials for slot in material.images),
+        default=0,
     )
+    found = 0
+    for index, mesh in enumerate(asset.meshes):
+        if found >= needed:
+            break
+        if mesh["clusters"]:
+            first = asset.cluster(0, index)
+            found = max(found, 0 if first.uvs is None else 1 + len(first.uv_sets))
+    return found
 
 
 @dataclass(frozen=True)

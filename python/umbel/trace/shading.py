@@ -170,12 +170,11 @@ class Shading:
         if image is None:
             return NO_TEXTURE
         info = material.textures.get(slot, {})
-        moved = _object(_object(info.get("extensions")).get("KHR_texture_transform"))
-        uv_set = moved.get("texCoord", info.get("texCoord", 0))
-        if not isinstance(uv_set, int) or not 0 <= uv_set < self._uv_sets:
+        uv_set = uv_set_of(material, slot)
+        if not 0 <= uv_set < self._uv_sets:
             self._say(
                 f"the {slot} texture of material {material.name!r} uses the texture coordinates "
-                f"{uv_set!r}, which the mesh does not have, and is left out"
+                f"{_uv_set_named(info)!r}, which the mesh does not have, and is left out"
             )
             return NO_TEXTURE
         index = self._texture(image, slot.rpartition("/")[2] in _SRGB, material.name)
@@ -183,6 +182,7 @@ class Shading:
             return NO_TEXTURE
         if image.bottom_up:
             return index, 0.0, 1.0, 1.0, -1.0, 0.0, uv_set
+        moved = _transform(info)
         try:
             u, v = (float(x) for x in moved.get("offset", (0, 0)))
             su, sv = (float(x) for x in moved.get("scale", (1, 1)))
@@ -238,6 +238,20 @@ def plain(albedo: float = 0.75) -> _umbel.TraceMaterial:
     out.base_color = (albedo, albedo, albedo)
     out.specular = 0.0
     return out
+
+
+def uv_set_of(material: Material, slot: str) -> int:
+    """Which texture coordinates a texture uses; -1 where what the file says is no number."""
+    named = _uv_set_named(material.textures.get(slot, {}))
+    return named if isinstance(named, int) else -1
+
+
+def _uv_set_named(info: dict[str, Any]) -> Any:
+    return _transform(info).get("texCoord", info.get("texCoord", 0))
+
+
+def _transform(info: dict[str, Any]) -> dict[str, Any]:
+    return _object(_object(info.get("extensions")).get("KHR_texture_transform"))
 
 
 def _object(value: Any) -> dict[str, Any]:

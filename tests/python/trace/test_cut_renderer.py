@@ -1,6 +1,7 @@
 """Pictures of assets within a budget, and the simulation of streaming."""
 
 import io
+import warnings
 from collections import Counter
 from pathlib import Path
 
@@ -177,6 +178,28 @@ def test_textures_stay_where_other_meshes_have_no_uvs(tmp_path: Path) -> None:
     renderer = CutRenderer(umbel.Asset(tmp_path / "a.umbel"), view, 64_000_000)
     albedo, _ = renderer.film(view, width=12, height=12).features(4)
     assert albedo[6, 6] == pytest.approx((1, 0, 0))
+
+
+@pytest.mark.parametrize("sets", [1, 2])
+def test_textures_need_their_set_of_uvs(tmp_path: Path, sets: int) -> None:
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(tmp_path / "red.png")
+    mesh = umbel.shapes.blob(4, seed=1)
+    mesh.uvs = np.zeros((len(mesh.positions), 2), np.float32)
+    mesh.uv_sets = [mesh.uvs] * (sets - 1)
+    painted = umbel.Material(
+        "painted",
+        roughness=0.5,
+        images={"base_color": TextureImage(path=tmp_path / "red.png")},
+        textures={"base_color": {"texCoord": 1}},
+    )
+    mesh.materials, mesh.material_ids = [painted], np.zeros(len(mesh.triangles), np.uint32)
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel")
+    view = umbel.Camera((0, 0, 8), target=(0, 0, 0), height=12, pixel_error=1.0)
+    with warnings.catch_warnings(record=True) as said:
+        renderer = CutRenderer(umbel.Asset(tmp_path / "a.umbel"), view, 64_000_000)
+    albedo, _ = renderer.film(view, width=12, height=12).features(4)
+    assert albedo[6, 6] == pytest.approx((1, 0, 0) if sets == 2 else (1, 1, 1))
+    assert ["texture coordinates 1" in str(one.message) for one in said] == [True] * (2 - sets)
 
 
 def test_the_command_keeps_to_the_budget(umbel_command: Umbel, herd: Path, tmp_path: Path) -> None:
