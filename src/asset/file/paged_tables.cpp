@@ -7,6 +7,7 @@
 
 #include "asset/file/coarse_groups.hpp"
 #include "asset/file/follow_reference.hpp"
+#include "asset/file/verify_parts.hpp"
 #include "base/hash.hpp"
 #include "base/parallel.hpp"
 
@@ -109,6 +110,7 @@ std::vector<GroupTables> read_group_tables(const Asset& asset, Progress& progres
       try {
         batch[i] = asset.read_page(begin + static_cast<uint32_t>(i));
       } catch (const Error& error) {
+        if (!is_damage(error)) throw;
         problems[i] = error.what();
       }
     });

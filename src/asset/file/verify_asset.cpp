@@ -6,14 +6,15 @@
 namespace umbel {
 namespace {
 
-/// Pages that are unreadable or whose checksum does not hold.
+/// Pages whose checksum or entry in the table does not hold. Throws where one cannot be read.
 std::vector<uint8_t> broken_pages(const Asset& asset, const BuildOptions& options) {
   std::vector<uint8_t> broken(asset.info().pages);
   with_threads(options.threads, [&] {
     parallel_for(broken.size(), 16, [&](size_t page) {
       try {
         broken[page] = !asset.page_is_whole(static_cast<uint32_t>(page));
-      } catch (const Error&) {
+      } catch (const Error& error) {
+        if (!asset::is_damage(error)) throw;
         broken[page] = true;
       }
     });

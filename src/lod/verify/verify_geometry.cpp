@@ -29,7 +29,7 @@ class Reader {
         return;
       }
     } catch (const Error& error) {
-      if (error.code() == ErrorCode::kCancelled) throw;
+      if (error.code() == ErrorCode::kCancelled || error.code() == ErrorCode::kIo) throw;
       name_unreadable(cluster, error.what(), findings_);
     }
     complete_ = false;

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <atomic>
+
 #include "asset/scratch.hpp"
 #include "asset/synthetic_dag.hpp"
 #include "umbel/asset.hpp"
@@ -45,6 +47,45 @@ TEST(VerifyAsset, reports_damaged_pages) {
   EXPECT_FALSE(report.ok);
   EXPECT_EQ(report.checksum_errors, 1u);
   EXPECT_TRUE(names(report, "checksum of page 0"));
+}
+
+/// Of a server that fails from the given read on.
+class Failing : public ByteSource {
+ public:
+  Failing(std::shared_ptr<const ByteSource> source, int left)
+      : source_(std::move(source)), left_(left) {}
+  uint64_t size() const override { return source_->size(); }
+  void read(uint64_t offset, std::span<std::byte> out) const override {
+    if (left_-- <= 0) throw Error(ErrorCode::kIo, "the server is busy");
+    source_->read(offset, out);
+  }
+
+ private:
+  std::shared_ptr<const ByteSource> source_;
+  mutable std::atomic<int> left_;
+};
+
+TEST(VerifyAsset, takes_no_failure_to_read_for_damage) {
+  const Scratch scratch;
+  AssetConfig config;
+  config.page_bytes = 4096;
+  write_asset(scratch / "a.umbel", built(), "{}", {}, config);
+  const auto verify = [&](int reads, bool within) {
+    const Asset asset(std::make_shared<Failing>(open_file(scratch / "a.umbel"), reads));
+    return within ? verify_asset_within(uint64_t{256} << 20, asset, 2) : verify_asset(asset, 2);
+  };
+  for (const bool within : {false, true}) {
+    int reads = 3;
+    for (bool ends = false; !ends; reads += 1 + reads / 4) {
+      try {
+        EXPECT_TRUE(verify(reads, within).ok) << reads;
+        ends = true;
+      } catch (const Error& error) {
+        ASSERT_EQ(error.code(), ErrorCode::kIo) << error.what();
+      }
+    }
+    EXPECT_GT(reads, 10);
+  }
 }
 
 TEST(VerifyAsset, reports_what_cannot_be_opened) {
