@@ -125,8 +125,9 @@ class UMBEL_API Residency {
 
   /// Takes over pages that have arrived, updates the cut, evicts pages, and requests missing ones.
   /// `now` is in seconds on any clock that does not run backwards. Throws kInvalidArgument for a
-  /// view out of range, and changes nothing then. Where it throws std::bad_alloc, or what a loader
-  /// throws, the cut is empty until the next step, which begins again with the pages in memory.
+  /// view or a time out of range, and changes nothing then. Where it throws std::bad_alloc, or what
+  /// a loader throws, the cut is empty until the next step, which begins again with the pages in
+  /// memory.
   StreamStep step(std::span<const StreamView> views, double now);
   /// The clusters that the views of the last step show, in no order. A step costs what changes, if
   /// views keep their indices.

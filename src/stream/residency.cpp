@@ -380,6 +380,7 @@ Residency& Residency::operator=(Residency&&) noexcept = default;
 Residency::~Residency() = default;
 
 StreamStep Residency::step(std::span<const StreamView> views, double now) {
+  if (!std::isfinite(now)) refuse("now is " + std::to_string(now) + ", but must be finite");
   for (size_t i = 0; i < views.size(); ++i) check(views[i], i, state_->asset->meshes().size());
   if (state_->is_torn) state_ = state_->mended();
   State& state = *state_;

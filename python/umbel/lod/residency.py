@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
-from umbel.geometry.arrays import whole
+from umbel.geometry.arrays import thread_count, whole
 from umbel.geometry.camera import Camera
 from umbel.lod.asset import Asset
 
@@ -57,15 +57,15 @@ class Residency:
         self._native = _umbel.Residency(
             asset._native,
             whole("budget", budget, _MOST),
-            loads_in_flight,
-            bytes_per_step,
-            evictions_per_step,
-            groups_per_step,
+            whole("loads_in_flight", loads_in_flight),
+            whole("bytes_per_step", bytes_per_step, _MOST),
+            whole("evictions_per_step", evictions_per_step),
+            whole("groups_per_step", groups_per_step),
             hysteresis,
-            attempts,
+            whole("attempts", attempts),
             backoff,
             slow,
-            threads,
+            thread_count(threads),
             link,
         )
         _open.add(self)
@@ -94,7 +94,7 @@ class Residency:
             (mesh, view.relative_to(origin) if isinstance(view, Camera) else view)
             for mesh, view in named
         ]
-        native = [(mesh, _view(view), _planes(view, aspect)) for mesh, view in near]
+        native = [(whole("mesh", mesh), _view(view), _planes(view, aspect)) for mesh, view in near]
         return self._native.step(native, time.monotonic() if now is None else now)
 
     def cut(self, view: int = 0) -> NDArray[np.uint32]:

@@ -398,6 +398,7 @@ TEST(Residency, refuses_what_cannot_be_by_its_name) {
   view = lod::view_error(0);
   view.error = nan;
   refuses_view("views[1] has the error nan, but it must not be negative", {0, view, {}});
+  expect_refusal("now is nan, but must be finite", [&] { residency.step({}, std::nan("")); });
 }
 
 TEST(Residency, takes_eyes_and_planes_of_any_finite_values) {

@@ -276,6 +276,10 @@ def test_residency_says_what_it_cannot_do(folder: Path) -> None:
     for name, call in (
         ("budget", lambda: umbel.Residency(asset, budget=-1)),
         ("budget", lambda: residency.set_budget(-1)),
+        ("loads_in_flight", lambda: umbel.Residency(asset, loads_in_flight=-1)),
+        ("attempts", lambda: umbel.Residency(asset, attempts=-1)),
+        ("threads", lambda: umbel.Residency(asset, threads=-1)),
+        ("mesh", lambda: residency.step([(-1, 0.1)])),
         ("view", lambda: residency.cut(-1)),
         ("index", lambda: asset.cluster(-1)),
         ("mesh", lambda: asset.mesh_tables(-1)),
