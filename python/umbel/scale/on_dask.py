@@ -24,7 +24,7 @@ class Dask(Futures):
             raise Error("building with Dask needs it: pip install 'umbel[dask]'") from None
         super().__init__()
         self._address = client if isinstance(client, str) else None
-        self._client = client if self._address is None else None
+        self._client: Any = client if self._address is None else None
         self._connect()
         self._unit_bytes = 1
         self._threads = 1
