@@ -21,7 +21,7 @@ PACKAGE := $(shell find CMakeLists.txt pyproject.toml LICENSE $(wildcard README.
              src python -not -path '*/__pycache__*' -not -path '*/.*' 2>/dev/null)
 
 .PHONY: help setup tools build test test-cpp test-python test-viewer test-install test-asan test-tsan \
-        fuzz cuda simt gpu gpu-check gpu-paths gpu-carry vulkan demo lint format bench clean
+        fuzz wasm cuda simt gpu gpu-check gpu-paths gpu-carry vulkan demo lint format bench clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## */\t/' | expand -t 16
@@ -65,6 +65,9 @@ sanitize-%: tools
 
 fuzz: tools  ## the fuzzers, a minute each, under the sanitizers; SECONDS_EACH=900 for longer
 	@scripts/fuzz.sh
+
+wasm:  ## the viewer's decoder, compiled to WebAssembly again after it has changed
+	@scripts/wasm.sh
 
 cuda: tools  ## umbel::cuda with its tests and benchmark, in build/release; no GPU needed
 	@scripts/cuda.sh

@@ -18,7 +18,7 @@ describe.each([1, 8, 12, 13, 16])("integers of %i bits", (bits) => {
 
   it("become linear colours", () => {
     const rows = Int32Array.from(integers.flatMap((i) => [i, i, i, i]));
-    const { colors } = decodeValues([attribute("colors", 4, bits, 4)], rows, integers.length);
+    const { colors } = decodeValues([attribute("colors", 4, bits, 4)], rows, 4, integers.length);
     const expected = integers.flatMap((i) => {
       const s = i / last;
       return [linear(s), linear(s), linear(s), s];
@@ -30,7 +30,7 @@ describe.each([1, 8, 12, 13, 16])("integers of %i bits", (bits) => {
     // Normals along z, whose basis is x and y.
     const rows = Int32Array.from(integers.flatMap((i, v) => [0, 0, i, v % 2]));
     const attributes = [attribute("normals", 2, 10, 2), attribute("tangents", 3, bits, 2)];
-    const { tangents } = decodeValues(attributes, rows, integers.length);
+    const { tangents } = decodeValues(attributes, rows, 4, integers.length);
     integers.forEach((i, v) => {
       const angle = (2 * Math.PI * i) / 2 ** bits;
       const found = tangents?.subarray(4 * v, 4 * v + 4);

@@ -153,13 +153,13 @@ function colors({ rows, stride, at, count }: Column, bits: number): Float32Array
   return values;
 }
 
-/** Decodes `count` vertices; their integers are rows, one after the other. */
+/** Decodes `count` vertices; their integers are rows, `stride` apart. */
 export function decodeValues(
   attributes: readonly Attribute[],
   rows: Int32Array,
+  stride: number,
   count: number,
 ): Values {
-  const stride = attributes.reduce((sum, a) => sum + a.components, 0);
   const values: Values = {};
   let at = 0;
   let normal: NormalColumn = { at: 0, bits: 2 };

@@ -16,6 +16,7 @@ import { SharedVertices } from "./shared_vertices.js";
 import { Twins } from "./twins.js";
 import { decodeVertices } from "./vertices.js";
 import { decodeVertices3 } from "./vertices_3.js";
+import { type DecodedClusters, decodeClusters } from "./wasm_decoder.js";
 
 /** A group without its geometry. Groups and clusters of all meshes are numbered through. */
 export interface GroupInfo {
@@ -108,14 +109,29 @@ export class GroupReader {
     };
   }
 
-  read(): GroupGeometry {
+  /** @param byWasm whether WebAssembly may decode the clusters */
+  read(byWasm: boolean): GroupGeometry {
     const { info, chunk, tables } = this;
     const { attributes } = this.mesh;
     for (let i = 0; i < info.clusterCount; ++i) this.readCluster(i);
     // Allocates only now: readCluster has checked the counts against the bytes of the file.
     const vertexCount = info.vertexOffsets[info.clusterCount];
-    const indices = new Uint32Array(3 * info.triangleOffsets[info.clusterCount]);
-    const rows = new Int32Array(this.mesh.smooth.length * vertexCount);
+    const triangleCount = info.triangleOffsets[info.clusterCount];
+    const { major } = this.header.fixed;
+    const clusters =
+      (byWasm
+        ? decodeClusters(major, attributes, tables, chunk, vertexCount, triangleCount)
+        : undefined) ?? this.readClusters(vertexCount, triangleCount);
+    const { indices, rows, stride } = clusters;
+    return { info, indices, values: decodeValues(attributes, rows, stride, vertexCount) };
+  }
+
+  /** What `decodeClusters` does, in TypeScript. */
+  private readClusters(vertexCount: number, triangleCount: number): DecodedClusters {
+    const { info, chunk, tables } = this;
+    const stride = this.mesh.smooth.length;
+    const indices = new Uint32Array(3 * triangleCount);
+    const rows = new Int32Array(stride * vertexCount);
     const shared = new SharedVertices(vertexCount);
     const twins = this.header.fixed.major === 3 ? undefined : new Twins(vertexCount, shared);
     const bits = new BitReader(chunk);
@@ -141,7 +157,7 @@ export class GroupReader {
       begin = tables.ends[i];
       if (Math.ceil(bits.at / 8) !== begin) corrupt(`Cluster ${info.firstCluster + i} is damaged.`);
     }
-    return { info, indices, values: decodeValues(attributes, rows, vertexCount) };
+    return { indices, rows, stride };
   }
 
   private readVertices(

@@ -8,8 +8,16 @@ import { hasChecksum } from "../format/xxh64.js";
 import { BIT_PADDING } from "./bit_reader.js";
 import { type GroupGeometry, GroupReader } from "./group.js";
 
-/** Decodes the bytes of page `page`; throws an UmbelError of kind "corrupt" if they are damaged. */
-export function readPage(header: FileHeader, page: number, bytes: Uint8Array): GroupGeometry[] {
+/**
+ * Decodes the bytes of page `page`; throws an UmbelError of kind "corrupt" if they are damaged.
+ * @param byWasm whether WebAssembly may decode the clusters, where it can; the result is the same
+ */
+export function readPage(
+  header: FileHeader,
+  page: number,
+  bytes: Uint8Array,
+  byWasm = true,
+): GroupGeometry[] {
   const { pages } = header;
   const stored = new DataView(pages.checksum.buffer, 8 * page, 8);
   if (bytes.length !== pages.size[page] || !hasChecksum(bytes, stored, 0))
@@ -27,7 +35,7 @@ export function readPage(header: FileHeader, page: number, bytes: Uint8Array): G
       // If chunks overlapped, few bytes could claim much memory.
       if (begin < end) corrupt(`Two groups of page ${page} overlap.`);
       end = begin + view.getUint32(row + 56, true);
-      return new GroupReader(header, page, view, row).read();
+      return new GroupReader(header, page, view, row).read(byWasm);
     });
   } catch (error) {
     if (error instanceof UmbelError) throw error;

@@ -1,0 +1,150 @@
+// Decodes the clusters of a group by the library's own code, compiled to WebAssembly (wasm/). Where
+// that may not run (a Content-Security-Policy, an old browser), or finds the data damaged, the caller
+// decodes in TypeScript, which gives the same and says what is wrong.
+
+import type { Attribute } from "../format/attributes.js";
+import { BIT_PADDING } from "./bit_reader.js";
+import type { ChunkTables } from "./chunk_tables.js";
+import { WASM_MODULE } from "./wasm_module.js";
+
+/** What group_decoder.cpp exports. Numbers are addresses in its memory. */
+interface Exports {
+  memory: WebAssembly.Memory;
+  reserve(bytes: number): number;
+  decode(words: number, chunk: number, indices: number, rows: number): void;
+  _initialize?(): void;
+}
+
+export interface DecodedClusters {
+  /** Three vertices a triangle, counted from the group's first. */
+  indices: Uint32Array;
+  /** The vertices' integers, `stride` each. Valid until the next call. */
+  rows: Int32Array;
+  stride: number;
+}
+
+/** More memory than this is given back after a group: memory of WebAssembly never shrinks. */
+const MOST_KEPT_BYTES = 64 << 20;
+const WORDS_OF_ATTRIBUTE = 7;
+const WORDS_OF_HEAD = 6;
+
+let module: WebAssembly.Module | null | undefined;
+let instance: Exports | undefined;
+
+function compiled(): WebAssembly.Module | null {
+  if (module !== undefined) return module;
+  try {
+    const bytes = Uint8Array.from(atob(WASM_MODULE), (c) => c.charCodeAt(0));
+    module = new WebAssembly.Module(bytes);
+  } catch {
+    module = null;
+  }
+  return module;
+}
+
+function decoder(): Exports | undefined {
+  const code = compiled();
+  if (instance === undefined && code !== null) {
+    instance = new WebAssembly.Instance(code).exports as unknown as Exports;
+    instance._initialize?.();
+  }
+  return instance;
+}
+
+/** Rounds up to whole vectors of 16 bytes. */
+function aligned(bytes: number): number {
+  return (bytes + 15) & ~15;
+}
+
+/** The words that `decode` reads. */
+function describe(
+  into: ArrayBufferLike,
+  at: number,
+  version: number,
+  attributes: readonly Attribute[],
+  tables: ChunkTables,
+  chunkBytes: number,
+): void {
+  const { ranges, vertices, triangles, ends } = tables;
+  const view = new DataView(into, at);
+  let next = 0;
+  const put = (word: number) => {
+    view.setUint32(next, word, true);
+    next += 4;
+  };
+  put(version);
+  put(attributes.length);
+  put(ranges.bits.length);
+  put(vertices.length);
+  put(tables.dataAt);
+  put(chunkBytes);
+  for (const { kind, set, coding, bits, step, components, isSmooth } of attributes) {
+    put(kind);
+    put(set);
+    put(coding);
+    put(bits);
+    view.setFloat32(next, step, true);
+    next += 4;
+    put(components);
+    put(isSmooth ? 1 : 0);
+  }
+  ranges.bits.forEach((width, i) => {
+    put(ranges.lowest[i]);
+    put(width);
+  });
+  vertices.forEach((count, i) => {
+    put(count);
+    put(triangles[i]);
+    put(ends[i]);
+  });
+}
+
+/**
+ * Decodes all clusters of a chunk, which have so many vertices and triangles. Undefined where the
+ * module cannot run here, or the data are damaged.
+ * @param chunk the group's chunk, with BIT_PADDING bytes behind it
+ */
+export function decodeClusters(
+  version: number,
+  attributes: readonly Attribute[],
+  tables: ChunkTables,
+  chunk: DataView,
+  vertexCount: number,
+  triangleCount: number,
+): DecodedClusters | undefined {
+  const parts = tables.ranges.bits.length;
+  const stride = (parts + 3) & ~3;
+  const words =
+    WORDS_OF_HEAD + WORDS_OF_ATTRIBUTE * attributes.length + 2 * parts + 3 * tables.vertices.length;
+  const chunkAt = aligned(4 * words);
+  const indicesAt = chunkAt + aligned(chunk.byteLength);
+  const rowsAt = indicesAt + aligned(12 * triangleCount);
+  try {
+    const to = decoder();
+    if (to === undefined) return undefined;
+    const base = to.reserve(rowsAt + 4 * stride * vertexCount);
+    const { buffer } = to.memory;
+    describe(buffer, base, version, attributes, tables, chunk.byteLength - BIT_PADDING);
+    const bytes = new Uint8Array(chunk.buffer, chunk.byteOffset, chunk.byteLength);
+    new Uint8Array(buffer, base + chunkAt, bytes.length).set(bytes);
+    to.decode(base, base + chunkAt, base + indicesAt, base + rowsAt);
+    // The memory may have grown.
+    const memory = to.memory.buffer;
+    if (memory.byteLength > MOST_KEPT_BYTES) instance = undefined;
+    return {
+      indices: new Uint32Array(memory, base + indicesAt, 3 * triangleCount).slice(),
+      rows: new Int32Array(memory, base + rowsAt, stride * vertexCount),
+      stride,
+    };
+  } catch (error) {
+    instance = undefined;
+    // A trap of the module, no room for its memory, or no permission to run it.
+    if (
+      error instanceof WebAssembly.RuntimeError ||
+      error instanceof RangeError ||
+      error instanceof WebAssembly.CompileError
+    )
+      return undefined;
+    throw error;
+  }
+}
