@@ -3,6 +3,7 @@
 export type { Values } from "./decode/attribute_values.js";
 export type { GroupGeometry, GroupInfo } from "./decode/group.js";
 export { readPage } from "./decode/page.js";
+export { loadWasm } from "./decode/wasm_decoder.js";
 export { UmbelError, type UmbelErrorKind } from "./errors.js";
 export type { Attribute, AttributeName } from "./format/attributes.js";
 export { type FileHeader, NONE, readFileHeader } from "./format/file_header.js";

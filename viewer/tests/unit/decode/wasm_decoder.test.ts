@@ -1,9 +1,10 @@
 import { createHash } from "node:crypto";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { afterEach, describe, expect, test, vi } from "vitest";
+import { afterEach, beforeAll, describe, expect, test, vi } from "vitest";
 import type { GroupGeometry } from "../../../packages/umbel/src/decode/group.js";
 import { readPage } from "../../../packages/umbel/src/decode/page.js";
+import { loadWasm } from "../../../packages/umbel/src/decode/wasm_decoder.js";
 import { WASM_DIGEST, WASM_SOURCES } from "../../../packages/umbel/src/decode/wasm_module.js";
 import { type FileHeader, readFileHeader } from "../../../packages/umbel/src/format/file_header.js";
 import { GROUP_ROW, PAGE_HEADER } from "../../../packages/umbel/src/format/tables.js";
@@ -52,6 +53,8 @@ function outcomeOfPage(header: FileHeader, bytes: Uint8Array, byWasm: boolean): 
   }
 }
 
+beforeAll(loadWasm);
+
 test("the module was compiled from today's sources; if not, run `make wasm`", () => {
   const digest = createHash("sha256");
   for (const name of WASM_SOURCES) digest.update(readFileSync(join(ROOT, name)));
@@ -95,39 +98,61 @@ describe.each([...files])("%s", (name, file) => {
   });
 });
 
-describe("WebAssembly", () => {
+describe("the module", () => {
+  const PAGE = "../../../packages/umbel/src/decode/page.js";
   const DECODER = "../../../packages/umbel/src/decode/wasm_decoder.js";
+  const file = assetBytes("planet");
+  const header = readFileHeader(file);
+  const bytes = pageBytes(file, header, 0);
+  const expected = readPage(header, 0, bytes, false);
+
+  /** New instances of the reader and the loader. */
+  async function fresh() {
+    vi.resetModules();
+    const { loadWasm: load } = await import(DECODER);
+    const { readPage: read } = await import(PAGE);
+    return { load, read };
+  }
 
   afterEach(() => {
     vi.unstubAllGlobals();
-    vi.doUnmock(DECODER);
+    vi.restoreAllMocks();
     vi.resetModules();
+  });
+
+  test("decodes once it is loaded", async () => {
+    const { load, read } = await fresh();
+    const { Instance } = WebAssembly;
+    const instance = vi.fn(function made(module: WebAssembly.Module) {
+      return new Instance(module);
+    });
+    vi.stubGlobal("WebAssembly", Object.create(WebAssembly, { Instance: { value: instance } }));
+    expect(read(header, 0, bytes)).toEqual(expected);
+    expect(instance).not.toHaveBeenCalled();
+    await load();
+    expect(read(header, 0, bytes)).toEqual(expected);
+    expect(instance).toHaveBeenCalledOnce();
+  });
+
+  test("is loaded after some bytes", async () => {
+    const { read } = await fresh();
+    const compile = vi.spyOn(WebAssembly, "compile");
+    for (let at = 0; at < 2 << 20; at += bytes.length) read(header, 0, bytes);
+    await vi.waitFor(() => expect(compile).toHaveBeenCalledOnce());
   });
 
   test("may be forbidden", async () => {
-    const file = assetBytes("planet");
-    const header = readFileHeader(file);
-    const expected = readPage(header, 0, pageBytes(file, header, 0), false);
-    const module = vi.fn(function forbidden() {
-      throw new WebAssembly.CompileError("a policy forbids it");
-    });
-    vi.stubGlobal("WebAssembly", Object.create(WebAssembly, { Module: { value: module } }));
-    vi.resetModules();
-    const again = await import("../../../packages/umbel/src/decode/page.js");
-    expect(again.readPage(header, 0, pageBytes(file, header, 0))).toEqual(expected);
-    expect(module).toHaveBeenCalledOnce();
+    const { load, read } = await fresh();
+    const compile = vi.spyOn(WebAssembly, "compile").mockRejectedValue(new Error("forbidden"));
+    await load();
+    expect(compile).toHaveBeenCalledOnce();
+    expect(read(header, 0, bytes)).toEqual(expected);
   });
 
-  test("it decodes wherever it may", async () => {
-    const file = assetBytes("planet");
-    const header = readFileHeader(file);
-    vi.resetModules();
-    const { decodeClusters } = await import(DECODER);
-    const spy = vi.fn(decodeClusters);
-    vi.doMock(DECODER, () => ({ decodeClusters: spy }));
-    const { readPage: read } = await import("../../../packages/umbel/src/decode/page.js");
-    const groups = read(header, 0, pageBytes(file, header, 0));
-    expect(spy).toHaveBeenCalledTimes(groups.length);
-    for (const { value } of spy.mock.results) expect(value).toBeDefined();
+  test("may be unknown to the browser", async () => {
+    const { load, read } = await fresh();
+    vi.stubGlobal("WebAssembly", undefined);
+    await load();
+    expect(read(header, 0, bytes)).toEqual(expected);
   });
 });

@@ -10,7 +10,7 @@ import { type GroupGeometry, GroupReader } from "./group.js";
 
 /**
  * Decodes the bytes of page `page`; throws an UmbelError of kind "corrupt" if they are damaged.
- * @param byWasm whether WebAssembly may decode the clusters, where it can; the result is the same
+ * @param byWasm whether WebAssembly may decode the clusters, once it is there; the result is the same
  */
 export function readPage(
   header: FileHeader,

@@ -1,11 +1,11 @@
-// Decodes the clusters of a group by the library's own code, compiled to WebAssembly (wasm/). Where
-// that may not run (a Content-Security-Policy, an old browser), or finds the data damaged, the caller
-// decodes in TypeScript, which gives the same and says what is wrong.
+// Decodes the clusters of a group by the library's own code, compiled to WebAssembly (wasm/). Until
+// that is loaded, where it may not run (a Content-Security-Policy, an old browser), and where it
+// finds the data damaged, the caller decodes in TypeScript, which gives the same and says what is
+// wrong.
 
 import type { Attribute } from "../format/attributes.js";
 import { BIT_PADDING } from "./bit_reader.js";
 import type { ChunkTables } from "./chunk_tables.js";
-import { WASM_MODULE } from "./wasm_module.js";
 
 /** What group_decoder.cpp exports. Numbers are addresses in its memory. */
 interface Exports {
@@ -28,24 +28,32 @@ const MOST_KEPT_BYTES = 64 << 20;
 const WORDS_OF_ATTRIBUTE = 7;
 const WORDS_OF_HEAD = 6;
 
-let module: WebAssembly.Module | null | undefined;
+/** The module is loaded once so many bytes have been decoded: fewer are not worth its own. */
+const LOADED_AFTER_BYTES = 1 << 20;
+
+let decodedBytes = 0;
+let loading: Promise<void> | undefined;
+let module: WebAssembly.Module | undefined;
 let instance: Exports | undefined;
 
-function compiled(): WebAssembly.Module | null {
-  if (module !== undefined) return module;
+async function load(): Promise<void> {
   try {
-    const bytes = Uint8Array.from(atob(WASM_MODULE), (c) => c.charCodeAt(0));
-    module = new WebAssembly.Module(bytes);
+    const { WASM_MODULE } = await import("./wasm_module.js");
+    module = await WebAssembly.compile(Uint8Array.from(atob(WASM_MODULE), (c) => c.charCodeAt(0)));
   } catch {
-    module = null;
+    // It may not run, or did not arrive: TypeScript decodes on.
   }
-  return module;
+}
+
+/** Loads the module, if that has not begun; resolves when it is there, or cannot be. */
+export function loadWasm(): Promise<void> {
+  loading ??= load();
+  return loading;
 }
 
 function decoder(): Exports | undefined {
-  const code = compiled();
-  if (instance === undefined && code !== null) {
-    instance = new WebAssembly.Instance(code).exports as unknown as Exports;
+  if (instance === undefined && module !== undefined) {
+    instance = new WebAssembly.Instance(module).exports as unknown as Exports;
     instance._initialize?.();
   }
   return instance;
@@ -101,7 +109,7 @@ function describe(
 
 /**
  * Decodes all clusters of a chunk, which have so many vertices and triangles. Undefined where the
- * module cannot run here, or the data are damaged.
+ * module is not there, or the data are damaged.
  * @param chunk the group's chunk, with BIT_PADDING bytes behind it
  */
 export function decodeClusters(
@@ -119,6 +127,8 @@ export function decodeClusters(
   const chunkAt = aligned(4 * words);
   const indicesAt = chunkAt + aligned(chunk.byteLength);
   const rowsAt = indicesAt + aligned(12 * triangleCount);
+  decodedBytes += chunk.byteLength;
+  if (decodedBytes > LOADED_AFTER_BYTES) void loadWasm();
   try {
     const to = decoder();
     if (to === undefined) return undefined;
@@ -138,13 +148,8 @@ export function decodeClusters(
     };
   } catch (error) {
     instance = undefined;
-    // A trap of the module, no room for its memory, or no permission to run it.
-    if (
-      error instanceof WebAssembly.RuntimeError ||
-      error instanceof RangeError ||
-      error instanceof WebAssembly.CompileError
-    )
-      return undefined;
+    // A trap of the module, or no room for its memory.
+    if (error instanceof WebAssembly.RuntimeError || error instanceof RangeError) return undefined;
     throw error;
   }
 }
