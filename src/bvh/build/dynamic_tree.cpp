@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "bvh/build/growing_tree.hpp"
+#include "bvh/tree/node_area.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -50,17 +51,17 @@ struct DynamicTree::Data {
 double DynamicTree::Data::sah_cost() const {
   const auto nodes = tree.nodes();
   if (nodes.empty()) return 0;
-  const bool has_area = nodes[0].half_area > 0;
+  const double whole = half_area<Aabb>(nodes[0].box);
   double sum = 0;
   std::vector<uint32_t> stack{0};
   while (!stack.empty()) {
     const DynamicNode& node = nodes[stack.back()];
     stack.pop_back();
-    const double area = has_area ? double(node.half_area) : 1;
+    const double area = whole > 0 ? half_area<Aabb>(node.box) : 1;
     sum += area * double(node.is_leaf() ? cost.intersection : cost.traversal);
     if (!node.is_leaf()) stack.insert(stack.end(), {node.first_child() + 1, node.first_child()});
   }
-  return has_area ? sum / double(nodes[0].half_area) : sum;
+  return whole > 0 ? sum / whole : sum;
 }
 
 /// Makes this tree of a built one; primitive i of that has numbers[i].

@@ -229,7 +229,7 @@ class GrowingTree {
       for (const uint32_t leaving : {first, first + 1}) {
         const float gain =
             nodes_[inner].half_area - united_area(nodes_[outer].box, nodes_[leaving ^ 1].box);
-        if (gain <= best) continue;
+        if (!(gain > best)) continue;  // also where areas are infinite
         best = gain;
         node = outer;
         child = leaving;

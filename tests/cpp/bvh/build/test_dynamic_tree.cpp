@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <random>
 
+#include "base/math.hpp"
 #include "bvh/tree_tests.hpp"
 #include "heap_peak.hpp"
 #include "umbel/bvh_traverse.hpp"
@@ -138,6 +140,24 @@ TEST(DynamicTree, stays_good_where_primitives_move_and_tells_where_it_does_not) 
   EXPECT_FALSE(moved.quality().rebuild_advised);
   EXPECT_GT(refitted.quality().sah_cost, 3 * built);
   EXPECT_TRUE(refitted.quality().rebuild_advised);
+}
+
+/// Areas of boxes as large or as small as these are no floats.
+TEST(DynamicTree, the_cost_does_not_depend_on_the_scale) {
+  const std::vector<Aabb> boxes = random_boxes(1000, 5);
+  const double expected = DynamicTree::build(boxes).quality().sah_cost;
+  for (const float scale : {0x1p80f, 0x1p120f, 0x1p-80f}) {
+    std::vector<Aabb> scaled;
+    for (const Aabb& box : boxes) scaled.push_back({box.min * scale, box.max * scale});
+    DynamicTree tree = DynamicTree::build(scaled);
+    EXPECT_NEAR(tree.quality().sah_cost, expected, 1e-3 * expected) << scale;
+    EXPECT_FALSE(tree.quality().rebuild_advised);
+    std::vector<uint32_t> numbers(scaled.size());
+    std::iota(numbers.begin(), numbers.end(), 0u);
+    std::reverse(scaled.begin(), scaled.end());
+    tree.refit(numbers, scaled);
+    EXPECT_TRUE(tree.quality().rebuild_advised);
+  }
 }
 
 TEST(DynamicTree, nearest_box_is_found_in_order) {
