@@ -202,7 +202,8 @@ class Path {
     if (bounce > 0) {
       const float cosine = std::abs(dot(surface.face, direction));
       const float by_area = scene_.light_density[surface.material];
-      const float by_angle = by_area * distance * distance / std::max(cosine, 1e-6f);
+      const float far = distance * scene_.light_scale;
+      const float by_angle = by_area * far * far / std::max(cosine, 1e-6f);
       weight = power_weight(density_, context_.plan.expected[kTriangles] * by_angle);
     }
     add(throughput_ * surface.emission * weight, bounce > 1);
@@ -253,7 +254,7 @@ class Path {
     const Vec3 &a = scene_.positions[record.corners[0]], &b = scene_.positions[record.corners[1]],
                &c = scene_.positions[record.corners[2]];
     const Vec3 point = a * (1.0f - u - v) + b * u + c * v;
-    const Vec3 way = point - from;
+    const Vec3 way = (point - from) * scene_.light_scale;
     const float far = length(way);
     const Vec3 direction = normalized(way, {0, 0, 0});
     const Vec3 face =
@@ -261,7 +262,7 @@ class Path {
     const float cosine = std::abs(dot(face, direction));
     if (!(far > 0.0f) || !(cosine > 0.0f)) return {direction, {0, 0, 0}, 0.0f};
     // Stops short of the light, so that it does not shadow itself.
-    distance = far * (1.0f - 1e-4f);
+    distance = far * (1.0f - 1e-4f) / scene_.light_scale;
     return {direction, emission_at(scene_, triangle, u, v),
             scene_.light_density[record.material] * far * far / cosine};
   }
@@ -338,7 +339,9 @@ constexpr double kLeastShare = 0.125;  // power says little about what a lamp li
 /// How much light of each kind meets the scene, roughly.
 std::array<double, kLightKinds> powers_of(const Scene::Data& scene) {
   // A quarter of the surface is a convex body's mean shadow (Cauchy).
-  const double shadow = std::max(0.5 * double{half_area(scene.bounds)}, 1e-300);
+  const Vec3d size = to_double(scene.bounds.max) - to_double(scene.bounds.min);
+  const double half_area = size.x * size.y + size.y * size.z + size.z * size.x;
+  const double shadow = std::max(0.5 * half_area, 1e-300);
   return {scene.sun.power() * shadow, scene.sky.power() * shadow,
           2.0 * std::numbers::pi * scene.light_choices.total()};
 }

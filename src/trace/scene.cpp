@@ -47,8 +47,11 @@ void find_lights(Scene::Data& scene) {
   scene.light_choices = AliasTable(weights);
   scene.light_density.assign(strength.size(), 0.0f);
   if (scene.light_choices.empty()) return;
+  const Vec3d size = to_double(scene.bounds.max) - to_double(scene.bounds.min);
+  scene.light_scale = std::ldexp(1.0f, -std::clamp(std::ilogb(length(size)), -126, 126));
+  const double area = double{scene.light_scale} * scene.light_scale;
   for (size_t m = 0; m < strength.size(); ++m)
-    scene.light_density[m] = static_cast<float>(strength[m] / scene.light_choices.total());
+    scene.light_density[m] = static_cast<float>(strength[m] / (scene.light_choices.total() * area));
 }
 
 template <typename T>

@@ -62,7 +62,10 @@ struct Scene::Data {
   bool absorbs = false;          ///< some body does
   std::vector<uint32_t> lights;  ///< emissive triangles
   AliasTable light_choices;      ///< by area and mean luminance
-  /// Of each material: probability density of the point that is sampled on a light, by area.
+  /// A power of two by which lengths are about 1, so that their squares are floats.
+  float light_scale = 1;
+  /// Of each material: probability density of the point that is sampled on a light, by area, in
+  /// units of scaled lengths.
   std::vector<float> light_density;
 
   const std::vector<Vec2>& uvs_of(uint32_t set) const {

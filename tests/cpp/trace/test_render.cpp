@@ -442,5 +442,22 @@ TEST(Render, small_and_large_copies_of_a_mesh_look_the_same) {
     EXPECT_NEAR(picture(scale) / expected, 1.0, 0.01) << scale;
 }
 
+TEST(Render, lamps_of_any_size_give_the_same_light) {
+  const auto picture = [](float scale, uint32_t shadow_samples) {
+    Mesh mesh = square(100);
+    append(mesh, square(0.5f), {0, 0, 1}, 1);
+    for (Vec3& p : mesh.positions) p = {p.x * scale, p.y * scale, p.z * scale};
+    const Scene scene = scene_of(mesh, {lambert(0.6f), emitter(5)}, Environment{});
+    Settings settings = small_picture(8, 64);
+    settings.shadow_samples = shadow_samples;
+    return mean(render(scene, from_above(0.9f * scale, 1e-3f), settings).image);
+  };
+  for (const uint32_t shadow_samples : {1u, 2u}) {
+    const double expected = picture(1.0f, shadow_samples);
+    for (const float scale : {0x1p-110f, 0x1p-80f, 0x1p80f})
+      EXPECT_NEAR(picture(scale, shadow_samples) / expected, 1.0, 0.02) << scale;
+  }
+}
+
 }  // namespace
 }  // namespace umbel::trace
