@@ -5,6 +5,7 @@
 #include <chrono>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
@@ -17,6 +18,7 @@ namespace umbel::trace {
 namespace {
 
 constexpr uint32_t kTile = 16;
+constexpr uint32_t kPathsBetweenReports = 1u << 16;  // at most, of a tile
 
 void check(const Settings& s) {
   constexpr uint32_t kMostSamples = 1u << 24;
@@ -49,6 +51,35 @@ struct Tiles {
   explicit Tiles(const Settings& s)
       : across((s.width + kTile - 1) / kTile), down((s.height + kTile - 1) / kTile) {}
   size_t count() const { return size_t(across) * down; }
+};
+
+/// Reports how many paths are traced, from the thread that called the render. Where that cancels
+/// it, the others end, too.
+class PathCounter {
+ public:
+  PathCounter(Progress& progress, double total)
+      : progress_(progress), total_(total), caller_(std::this_thread::get_id()) {}
+
+  /// False where no more are wanted.
+  bool add(uint32_t paths) {
+    const uint64_t traced = traced_.fetch_add(paths, std::memory_order_relaxed) + paths;
+    if (std::this_thread::get_id() != caller_)
+      return !is_cancelled_.load(std::memory_order_relaxed);
+    try {
+      progress_.report(static_cast<double>(traced) / total_, "tracing");
+    } catch (...) {
+      is_cancelled_.store(true, std::memory_order_relaxed);
+      throw;
+    }
+    return true;
+  }
+
+ private:
+  Progress& progress_;
+  double total_;
+  std::thread::id caller_;
+  std::atomic<uint64_t> traced_{0};
+  std::atomic<bool> is_cancelled_{false};
 };
 
 class Renderer {
@@ -89,34 +120,32 @@ class Renderer {
   /// Calls sample(tile, pixel, ray, sampler), of each pixel in order.
   template <typename Sample>
   void for_each_sample(Progress& progress, const Sample& sample) const {
-    const std::thread::id caller = std::this_thread::get_id();
-    std::atomic<size_t> done{0};
+    const double total =
+        static_cast<double>(settings_.samples) * settings_.width * settings_.height;
+    PathCounter counter(progress, total);
     parallel_for(tiles_.count(), 1, [&](size_t tile) {
       const uint32_t left = static_cast<uint32_t>(tile % tiles_.across) * kTile;
       const uint32_t top = static_cast<uint32_t>(tile / tiles_.across) * kTile;
-      for (uint32_t y = top; y < std::min(top + kTile, settings_.height); ++y)
-        for (uint32_t x = left; x < std::min(left + kTile, settings_.width); ++x)
-          sample_pixel(x, y, [&](size_t pixel, const Ray& ray, const Sampler& sampler) {
-            sample(tile, pixel, ray, sampler);
-          });
-      const size_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
-      if (std::this_thread::get_id() == caller)
-        progress.report(static_cast<double>(finished) / static_cast<double>(tiles_.count()),
-                        "tracing");
+      uint32_t uncounted = 0;
+      for (uint32_t y = top; y < std::min(top + kTile, settings_.height); ++y) {
+        for (uint32_t x = left; x < std::min(left + kTile, settings_.width); ++x) {
+          const uint32_t pixel = y * settings_.width + x;
+          for (uint32_t i = 0; i < settings_.samples; ++i) {
+            const Sampler sampler(settings_.seed, pixel, first_ + i);
+            sample(tile, pixel, ray_of(x, y, sampler), sampler);
+            if (++uncounted < kPathsBetweenReports) continue;
+            if (!counter.add(std::exchange(uncounted, 0))) return;
+          }
+        }
+      }
+      counter.add(uncounted);
     });
   }
 
-  template <typename Sample>
-  void sample_pixel(uint32_t x, uint32_t y, const Sample& sample) const {
-    const uint32_t pixel = y * settings_.width + x;
-    for (uint32_t i = 0; i < settings_.samples; ++i) {
-      const Sampler sampler(settings_.seed, pixel, first_ + i);
-      const Vec2 u = sampler.point(kPixelDimension);
-      sample(size_t{y} * settings_.width + x,
-             camera_.ray(static_cast<float>(x) + 0.5f + tent(u.x),
-                         static_cast<float>(y) + 0.5f + tent(u.y), sampler.point(kLensDimension)),
-             sampler);
-    }
+  Ray ray_of(uint32_t x, uint32_t y, const Sampler& sampler) const {
+    const Vec2 u = sampler.point(kPixelDimension);
+    return camera_.ray(static_cast<float>(x) + 0.5f + tent(u.x),
+                       static_cast<float>(y) + 0.5f + tent(u.y), sampler.point(kLensDimension));
   }
 
   Settings settings_;

@@ -137,5 +137,23 @@ TEST(TraceArguments, a_cancelled_film_is_as_before) {
   EXPECT_EQ(film.sums, before.sums);
 }
 
+TEST(TraceArguments, many_paths_of_few_pixels_are_cancelled_soon) {
+  const Scene scene = scene_of(square(1), {}, constant(1));
+  for (const uint32_t threads : {1u, 2u}) {
+    std::vector<float> fractions;
+    const BuildOptions options{.progress =
+                                   [&](float fraction, std::string_view) {
+                                     fractions.push_back(fraction);
+                                     return fractions.size() < 3;
+                                   },
+                               .threads = threads};
+    Film film;
+    EXPECT_THROW(accumulate(scene, from_above(), small_picture(16, 1u << 20), film, options),
+                 Error);
+    ASSERT_EQ(fractions.size(), 3u);
+    EXPECT_LT(fractions.back(), 0.01f);
+  }
+}
+
 }  // namespace
 }  // namespace umbel::trace
