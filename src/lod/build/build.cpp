@@ -21,10 +21,11 @@ namespace {
 
 // All of the mesh is one unit, whose groups go to the DAG.
 Dag build_in_core(const MeshView& mesh, const Config& config, const BuildOptions& options,
-                  const Decimator& decimate, std::span<const uint8_t> locked) {
+                  const Decimator& decimate, std::span<const uint8_t> locked, float moved) {
   Dag dag;
   dag.config = config;
   Unit unit;
+  unit.moved = moved;
   parallel_invoke([&] { unit.source = make_source(mesh, BuildOptions{}); },
                   [&] { dag.source_digest = triangle_set_digest(mesh); });
   for (size_t v = 0; v < locked.size(); ++v)
@@ -52,16 +53,12 @@ Dag build_in_core(const MeshView& mesh, const Config& config, const BuildOptions
 
 Dag build_valid(const MeshView& mesh, const Config& config, const BuildOptions& options,
                 const Decimator& decimate, std::span<const uint8_t> locked) {
-  if (config.position_step == 0) return build_in_core(mesh, config, options, decimate, locked);
+  if (config.position_step == 0) return build_in_core(mesh, config, options, decimate, locked, 0);
   std::vector<Vec3> positions(mesh.positions.begin(), mesh.positions.end());
   const float moved = snap_to_grid(positions, config.position_step);
   MeshView snapped = mesh;
   snapped.positions = positions;
-  Dag dag = build_in_core(snapped, config, options, decimate, locked);
-  // Adding the same to all keeps them monotone.
-  for (Group& group : dag.tables.groups) group.error += moved;
-  for (Node& node : dag.tables.nodes) node.error += moved;
-  dag.config.position_step = config.position_step;
+  Dag dag = build_in_core(snapped, config, options, decimate, locked, moved);
   dag.report.largest_move = moved;
   return dag;
 }

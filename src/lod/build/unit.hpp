@@ -30,6 +30,7 @@ struct Unit {
   std::vector<Vec3> locked_positions;  ///< that the caller has locked
   std::vector<uint32_t> held;          ///< position ids of those, and of borders that stay
   uint32_t level = 0;                  ///< of the next groups
+  float moved = 0;                     ///< of positions before the build: part of every error
   bool is_whole = true;                ///< no other unit has a part of the surface, or ever had
   /// Of a unit that is not: where small components may be enlarged to; null: nowhere.
   const UnusedPositions* unused = nullptr;

@@ -184,7 +184,7 @@ float UnitBuilder::error_of(std::span<const uint32_t> members, const Simplified&
                             const Measured& measured) const {
   // What attributes lose does not add up from level to level.
   const float lost = std::max(simplified.attribute_error, simplified.removed_radius);
-  float least = 0, sum = std::max(simplified.error, lost);
+  float least = 0, sum = std::max(simplified.error, lost) + unit_.moved;
   for (uint32_t c : members) {
     const uint32_t generator = unit_.pending.generating_group[c];
     if (generator == kNone) continue;
@@ -193,14 +193,15 @@ float UnitBuilder::error_of(std::span<const uint32_t> members, const Simplified&
     sum = std::max(sum, static_cast<float>(below + simplified.error));
   }
   if (!measured.valid) return sum;
-  return std::max({least, lost, measured.bound});
+  return std::max(least, std::max(lost, measured.bound) + unit_.moved);
 }
 
 // Counts how the estimate compares with the measured distance.
 void UnitBuilder::compare(std::span<const uint32_t> members, const Simplified& simplified,
                           const Measured& measured) {
   if (!measured.valid || !(measured.distance > 0)) return;
-  const double ratio = error_of(members, simplified, Measured{}) / double{measured.distance};
+  const double estimate = double{error_of(members, simplified, Measured{})} - unit_.moved;
+  const double ratio = estimate / measured.distance;
   ++report_.measured_groups;
   if (ratio < 1) ++report_.underestimated_groups;
   if (ratio > 0) sum_of_logs_ += std::log2(ratio);

@@ -317,6 +317,36 @@ TEST(Build, impossible_configs_are_refused_by_the_name_of_the_field) {
         "position_step is " + std::to_string(step) + ", must be 0 or a positive power of two");
 }
 
+// The margin between a group's error and those of its generating groups, without which rounding far
+// away could refine the latter alone (hierarchy.cpp).
+TEST(Build, errors_keep_their_margin_where_positions_are_rounded) {
+  const Mesh mesh = shapes::grid(120, 120);
+  for (const bool measured : {false, true}) {
+    Config config;
+    config.position_step = 0x1p-5f;
+    config.measured_error = measured;
+    const Dag dag = build(mesh.view(), config);
+    ASSERT_GT(dag.report.largest_move, 0);
+    const auto& groups = dag.tables.groups;
+    for (const Group& group : groups) ASSERT_GE(group.error, dag.report.largest_move);
+    for (const Cluster& cluster : dag.tables.clusters)
+      if (cluster.generating_group != kNone)
+        ASSERT_GE(groups[cluster.group].error, 1.000009f * groups[cluster.generating_group].error);
+  }
+}
+
+TEST(Build, no_error_is_above_the_limit_where_positions_are_rounded) {
+  const Mesh mesh = shapes::sphere(5);
+  Config config;
+  config.position_step = 0x1p-5f;
+  config.max_error = 0.05f;
+  const Dag dag = build(mesh.view(), config);
+  EXPECT_GT(dag.tables.levels.size(), 1u);
+  for (const Group& group : dag.tables.groups)
+    EXPECT_TRUE(group.error <= config.max_error || group.method == SimplifyMethod::kRoot)
+        << group.error;
+}
+
 TEST(Build, ends_where_large_texture_coordinates_cancel_out) {
   // 64 charts with vertices of their own, which lie far apart in the texture.
   Mesh mesh;
