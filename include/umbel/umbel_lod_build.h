@@ -83,7 +83,7 @@ typedef struct umbel_lod_decimation {
   size_t added_count;  ///< out
   float* added_extra_values;
 
-  size_t most;  ///< triangles that may be left at most: 85 % of the group's
+  size_t most;  ///< triangles that may be left at most: 85 % of the group's, or `ratio` if more
   /// umbel_lod_refusal: why the result of the last call for this group was refused. The arrays for
   /// the answer are empty again.
   uint32_t refusal;

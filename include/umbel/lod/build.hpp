@@ -166,7 +166,7 @@ struct DecimationInput {
   /// the group.
   std::span<const uint8_t> locked;
   size_t target;  ///< triangles that should be left
-  size_t most;    ///< triangles that may be left at most: 85 % of the group's
+  size_t most;    ///< triangles that may be left at most: 85 % of the group's, or `ratio` if more
   /// Why the result of the last call for this group was refused; null in the first.
   const DecimationRefusal* refused = nullptr;
 };

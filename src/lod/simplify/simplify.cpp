@@ -13,7 +13,8 @@ namespace {
 
 // A result that keeps more than this part of the triangles moves on to the next method.
 constexpr double kGoodEnough = 0.7;
-// And one that keeps more than this after the last method is not worth a level.
+// And one that keeps more than this after the last method is not worth a level, unless the ratio
+// asks for no less.
 constexpr double kStuck = 0.85;
 
 // How far what was there is from what is left.
@@ -33,7 +34,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   const Config& config = group_.config;
   const size_t target = static_cast<size_t>(before * static_cast<double>(allow.ratio));
   const size_t good = std::max(target, static_cast<size_t>(before * kGoodEnough));
-  const size_t worthwhile = static_cast<size_t>(before * kStuck);
+  const size_t worthwhile = std::max(target, static_cast<size_t>(before * kStuck));
 
   Candidate best;
   best.triangles = group_.triangles;

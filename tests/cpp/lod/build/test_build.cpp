@@ -347,6 +347,19 @@ TEST(Build, no_error_is_above_the_limit_where_positions_are_rounded) {
         << group.error;
 }
 
+TEST(Build, every_ratio_leads_to_one_root) {
+  const Mesh mesh = shapes::terrain(60, 60, 1);
+  for (const float ratio : {0.1f, 0.5f, 0.8f, 0.86f, 0.9f}) {
+    Config config;
+    config.ratio = ratio;
+    const Dag dag = build(mesh.view(), config);
+    EXPECT_EQ(dag.report.root_groups, 1u) << ratio;
+    EXPECT_EQ(dag.report.stuck_groups, 0u) << ratio;
+    EXPECT_LE(dag.report.root_triangles, 128u) << ratio;
+    EXPECT_EQ(first_problem(check(mesh, dag)), "") << ratio;
+  }
+}
+
 TEST(Build, ends_where_large_texture_coordinates_cancel_out) {
   // 64 charts with vertices of their own, which lie far apart in the texture.
   Mesh mesh;
