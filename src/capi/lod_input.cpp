@@ -129,6 +129,8 @@ LodMesh lod_mesh(const umbel_lod_mesh* given) {
   MeshView& view = result.view;
   Mesh& copied = result.copied;
   const size_t count = mesh.position_count;
+  check_nameable(count, "mesh->position_count");
+  check_nameable(mesh.triangle_count, "mesh->triangle_count");
   view.positions =
       strided(mesh.positions, count, mesh.position_stride, "mesh->positions", copied.positions);
   if (!mesh.triangles && mesh.triangle_count > 0)

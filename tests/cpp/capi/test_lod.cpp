@@ -232,6 +232,22 @@ TEST(LodFromC, instances_that_cannot_be_are_named) {
       "instance_count is " + std::to_string(SIZE_MAX) + ", more than 32-bit indices can name");
 }
 
+TEST(LodFromC, counts_beyond_32_bits_are_named) {
+  const Mesh mesh = shapes::grid(2, 2);
+  umbel_lod* lod = nullptr;
+  umbel_lod_mesh given = c_mesh(mesh);
+  given.position_stride = 16;
+  given.position_count = SIZE_MAX / 8;
+  EXPECT_EQ(umbel_lod_build(&given, nullptr, nullptr, &lod), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(umbel_last_error(), "mesh->position_count is " + std::to_string(SIZE_MAX / 8) +
+                                    ", more than 32-bit indices can name");
+  given = c_mesh(mesh);
+  given.triangle_count = SIZE_MAX / 8;
+  EXPECT_EQ(umbel_lod_build(&given, nullptr, nullptr, &lod), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(umbel_last_error(), "mesh->triangle_count is " + std::to_string(SIZE_MAX / 8) +
+                                    ", more than 32-bit indices can name");
+}
+
 TEST(LodFromC, gives_cuts_as_meshes_and_files) {
   const Mesh mesh = blob();
   const auto lod = built(mesh, small_config());
