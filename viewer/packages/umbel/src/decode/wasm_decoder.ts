@@ -25,6 +25,8 @@ export interface DecodedClusters {
 
 /** More memory than this is given back after a group: memory of WebAssembly never shrinks. */
 const MOST_KEPT_BYTES = 64 << 20;
+/** Groups that would take more are decoded in TypeScript: addresses stay below 2^31. */
+const MOST_BYTES = 1 << 30;
 const WORDS_OF_ATTRIBUTE = 7;
 const WORDS_OF_HEAD = 6;
 
@@ -61,7 +63,7 @@ function decoder(): Exports | undefined {
 
 /** Rounds up to whole vectors of 16 bytes. */
 function aligned(bytes: number): number {
-  return (bytes + 15) & ~15;
+  return 16 * Math.ceil(bytes / 16);
 }
 
 /** The words that `decode` reads. */
@@ -127,16 +129,17 @@ export function decodeClusters(
   const chunkAt = aligned(4 * words);
   const indicesAt = chunkAt + aligned(chunk.byteLength);
   const rowsAt = indicesAt + aligned(12 * triangleCount);
+  const bytes = rowsAt + 4 * stride * vertexCount;
   decodedBytes += chunk.byteLength;
   if (decodedBytes > LOADED_AFTER_BYTES) void loadWasm();
   try {
     const to = decoder();
-    if (to === undefined) return undefined;
-    const base = to.reserve(rowsAt + 4 * stride * vertexCount);
+    if (to === undefined || bytes > MOST_BYTES) return undefined;
+    const base = to.reserve(bytes);
     const { buffer } = to.memory;
     describe(buffer, base, version, attributes, tables, chunk.byteLength - BIT_PADDING);
-    const bytes = new Uint8Array(chunk.buffer, chunk.byteOffset, chunk.byteLength);
-    new Uint8Array(buffer, base + chunkAt, bytes.length).set(bytes);
+    const source = new Uint8Array(chunk.buffer, chunk.byteOffset, chunk.byteLength);
+    new Uint8Array(buffer, base + chunkAt, source.length).set(source);
     to.decode(base, base + chunkAt, base + indicesAt, base + rowsAt);
     // The memory may have grown.
     const memory = to.memory.buffer;
