@@ -63,11 +63,6 @@ struct PythonResidency : AssetUser, Residency {
   std::shared_ptr<double> clock;
 };
 
-/// Comes before the collector takes apart what the threads read from.
-void end_before_collection(PyObject* self) {
-  if (nb::inst_ready(self)) nb::inst_ptr<PythonResidency>(self)->end();
-}
-
 double processor_seconds() {
   timespec time;
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
@@ -108,7 +103,6 @@ std::tuple<uint64_t, uint64_t, uint64_t, uint64_t> cost_of(const Residency& resi
 /// Over 60 lines: a list of methods.
 void bind_stream(nb::module_& module) {
   PyType_Slot slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(&traverse<PythonResidency>)},
-                         {Py_tp_finalize, reinterpret_cast<void*>(&end_before_collection)},
                          {0, nullptr}};
   nb::class_<PythonResidency>(module, "Residency", "Pages of an asset in memory.",
                               nb::type_slots(slots))
@@ -210,6 +204,8 @@ void bind_stream(nb::module_& module) {
       .def("retry_failed",
            [](PythonResidency& residency) { residency.alone([&] { residency.retry_failed(); }); })
       .def("close", &PythonResidency::end)
+      // Comes before the collector takes apart what the threads read from.
+      .def("__del__", &PythonResidency::end)
       .def(
           "set_budget",
           [](PythonResidency& residency, uint64_t bytes) {
