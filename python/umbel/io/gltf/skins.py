@@ -32,7 +32,8 @@ class Skin:
         #: The index in `joints` of each of the source's numbers.
         self.numbers: UInt32Array = np.array([slots[node] for node in named], np.uint32)
         #: Those of the source's skins, each once.
-        self.names = list(dict.fromkeys(s["name"] for s in skins if s.get("name")))
+        names = (skin.get("name") for skin in skins)
+        self.names = list(dict.fromkeys(name for name in names if name and isinstance(name, str)))
         self.extras = [skin["extras"] for skin in skins if "extras" in skin]
         #: The joint of vertices that no other moves.
         self.still = 0

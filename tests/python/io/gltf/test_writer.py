@@ -401,6 +401,14 @@ def test_names_of_skins_that_become_one_are_lost_with_a_word(tmp_path: Path) -> 
     assert json_of(out)["skins"][0]["name"] == "left"
 
 
+def test_names_of_skins_that_are_no_text_are_left_out(tmp_path: Path) -> None:
+    b = two_skins()
+    for skin, name in zip(b.root["skins"], (["left"], "right"), strict=True):
+        skin["name"] = name
+    out = extracted(saved(tmp_path, b), "on")
+    assert json_of(out)["skins"][0]["name"] == "right"
+
+
 def test_colours_outside_are_clamped_with_a_word(tmp_path: Path) -> None:
     colors = np.ones((4, 4), np.float32)
     colors[2, 0] = 2.5
