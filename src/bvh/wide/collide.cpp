@@ -7,11 +7,10 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
-#include <thread>
 #include <utility>
 
 #include "base/parallel.hpp"
-#include "base/progress.hpp"
+#include "base/shared_progress.hpp"
 #include "bvh/wide/triangle_bvh_data.hpp"
 #include "bvh/wide/widen.hpp"
 #include "query/overlap.hpp"
@@ -124,25 +123,20 @@ class Collider {
   /// All pairs, sorted.
   std::vector<TrianglePair> pairs(const BuildOptions& options) {
     Progress progress(options);
-    const std::thread::id caller = std::this_thread::get_id();
-    std::atomic<size_t> done{0};
     std::vector<TrianglePair> all;
     if (is_nothing()) return all;
     const std::vector<PartPair> tasks = first_pairs();
     std::vector<std::vector<TrianglePair>> found(tasks.size());
+    SharedProgress shared(progress, kStage, 0, 1, tasks.size());
     parallel_for(tasks.size(), 1, [&](size_t i) {
       std::vector<PartPair> waiting{tasks[i]};
-      const bool reports = std::this_thread::get_id() == caller;
-      const auto report = [&](size_t finished) {
-        const double fraction = static_cast<double>(finished) / static_cast<double>(tasks.size());
-        if (reports) progress.report(fraction, kStage);
-      };
-      for (uint32_t steps = 1; !waiting.empty(); ++steps) {
+      for (uint32_t steps = 1; !waiting.empty() && !shared.is_stopped(); ++steps) {
         step(waiting, found[i]);
-        if (steps % kStepsBetweenReports == 0) report(done.load(std::memory_order_relaxed));
+        if (steps % kStepsBetweenReports == 0) shared.add(0);
       }
-      report(done.fetch_add(1, std::memory_order_relaxed) + 1);
+      shared.add(1);
     });
+    shared.finish();
     for (auto& part : found) {
       all.insert(all.end(), part.begin(), part.end());
       std::vector<TrianglePair>().swap(part);
@@ -157,7 +151,7 @@ class Collider {
   /// apart soon: other threads are called only after some thousand steps.
   bool any(const BuildOptions& options) {
     Progress progress(options);
-    const std::thread::id caller = std::this_thread::get_id();
+    SharedProgress shared(progress, kStage, 0, 0, 1);
     if (is_nothing()) return false;
     std::vector<PartPair> waiting{root()};
     std::vector<TrianglePair> found;
@@ -171,15 +165,18 @@ class Collider {
       parallel_for(waiting.size(), 1, [&](size_t i) {
         std::vector<PartPair> below{waiting[i]};
         std::vector<TrianglePair> here;
-        const bool reports = std::this_thread::get_id() == caller;
-        for (uint32_t steps = 1;
-             !below.empty() && here.empty() && !is_found.load(std::memory_order_relaxed); ++steps) {
+        const auto goes_on = [&] {
+          return !below.empty() && here.empty() && !is_found.load(std::memory_order_relaxed) &&
+                 !shared.is_stopped();
+        };
+        for (uint32_t steps = 1; goes_on(); ++steps) {
           step(below, here);
-          if (reports && steps % kStepsBetweenReports == 0) progress.report(0, kStage);
+          if (steps % kStepsBetweenReports == 0) shared.add(0);
         }
         if (!here.empty()) is_found.store(true, std::memory_order_relaxed);
       });
     });
+    shared.finish();
     return is_found;
   }
 

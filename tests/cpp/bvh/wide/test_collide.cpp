@@ -153,24 +153,26 @@ TEST(Collide, asking_whether_can_be_cancelled) {
   for (uint32_t i = 0; i < 3000; ++i) {
     const float at = static_cast<float>(i);
     along_x.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
-    for (const Vec3& p : {Vec3{0, at, 0}, Vec3{3000, at, 0}, Vec3{3000, at, 3}})
+    for (const Vec3& p : {Vec3{0, at, 0}, Vec3{6000, at, 0}, Vec3{6000, at, 3}})
       along_x.positions.push_back(p);
-    for (const Vec3& p : {Vec3{at, 0, 1}, Vec3{at, 3000, 4}, Vec3{at, 0, 4}})
+    for (const Vec3& p : {Vec3{at, 0, 2}, Vec3{at, 3000, 2}, Vec3{at, 0, 4}})
       along_y.positions.push_back({p.x + 0.5f, p.y - 0.5f, p.z});
   }
   along_y.triangles = along_x.triangles;
   const Bvh x = Bvh::build(along_x.view()), y = Bvh::build(along_y.view());
-  CollisionOptions options;
-  options.threads = 1;
-  size_t reports = 0;
-  options.progress = [&](float, std::string_view) { return ++reports < 3; };
-  try {
-    collides(x, y, options);
-    FAIL() << "it was not cancelled";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ErrorCode::kCancelled);
+  for (const uint32_t threads : {1u, 2u}) {
+    CollisionOptions options;
+    options.threads = threads;
+    size_t reports = 0;
+    options.progress = [&](float, std::string_view) { return ++reports < 3; };
+    try {
+      collides(x, y, options);
+      FAIL() << "it was not cancelled";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ErrorCode::kCancelled);
+    }
+    EXPECT_EQ(reports, 3u);
   }
-  EXPECT_EQ(reports, 3u);
 }
 
 TEST(Collide, real_meshes_equal_brute_force_near_their_surfaces) {
