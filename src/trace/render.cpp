@@ -1,15 +1,13 @@
 // Renders tiles in parallel, and the samples of a pixel in order, so that neither the number of
 // threads nor the number of calls changes a bit of the picture.
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "base/parallel.hpp"
-#include "base/progress.hpp"
 #include "base/refuse.hpp"
+#include "base/shared_progress.hpp"
 #include "trace/camera.hpp"
 #include "trace/path.hpp"
 #include "umbel/trace.hpp"
@@ -53,35 +51,6 @@ struct Tiles {
   size_t count() const { return size_t(across) * down; }
 };
 
-/// Reports how many paths are traced, from the thread that called the render. Where that cancels
-/// it, the others end, too.
-class PathCounter {
- public:
-  PathCounter(Progress& progress, double total)
-      : progress_(progress), total_(total), caller_(std::this_thread::get_id()) {}
-
-  /// False where no more are wanted.
-  bool add(uint32_t paths) {
-    const uint64_t traced = traced_.fetch_add(paths, std::memory_order_relaxed) + paths;
-    if (std::this_thread::get_id() != caller_)
-      return !is_cancelled_.load(std::memory_order_relaxed);
-    try {
-      progress_.report(static_cast<double>(traced) / total_, "tracing");
-    } catch (...) {
-      is_cancelled_.store(true, std::memory_order_relaxed);
-      throw;
-    }
-    return true;
-  }
-
- private:
-  Progress& progress_;
-  double total_;
-  std::thread::id caller_;
-  std::atomic<uint64_t> traced_{0};
-  std::atomic<bool> is_cancelled_{false};
-};
-
 class Renderer {
  public:
   Renderer(const Scene& scene, const Camera& camera, const Settings& settings, const Film& film)
@@ -120,10 +89,10 @@ class Renderer {
   /// Calls sample(tile, pixel, ray, sampler), of each pixel in order.
   template <typename Sample>
   void for_each_sample(Progress& progress, const Sample& sample) const {
-    const double total =
-        static_cast<double>(settings_.samples) * settings_.width * settings_.height;
-    PathCounter counter(progress, total);
+    const uint64_t total = uint64_t{settings_.samples} * settings_.width * settings_.height;
+    SharedProgress traced(progress, "tracing", 0, 1, total);
     parallel_for(tiles_.count(), 1, [&](size_t tile) {
+      if (traced.is_stopped()) return;
       const uint32_t left = static_cast<uint32_t>(tile % tiles_.across) * kTile;
       const uint32_t top = static_cast<uint32_t>(tile / tiles_.across) * kTile;
       uint32_t uncounted = 0;
@@ -134,12 +103,14 @@ class Renderer {
             const Sampler sampler(settings_.seed, pixel, first_ + i);
             sample(tile, pixel, ray_of(x, y, sampler), sampler);
             if (++uncounted < kPathsBetweenReports) continue;
-            if (!counter.add(std::exchange(uncounted, 0))) return;
+            traced.add(std::exchange(uncounted, 0));
+            if (traced.is_stopped()) return;
           }
         }
       }
-      counter.add(uncounted);
+      traced.add(uncounted);
     });
+    traced.finish();
   }
 
   Ray ray_of(uint32_t x, uint32_t y, const Sampler& sampler) const {
