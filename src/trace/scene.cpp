@@ -132,11 +132,14 @@ SceneHit Scene::Data::next(const Ray& ray, const SceneHit& after, const RayOptio
   Ray rest = ray;
   rest.t_min = after.t;
   // The hits at the same t come before it: that one, and mostly no other.
-  for (std::vector<Hit> hits(2);; hits.resize(2 * hits.size())) {
+  std::array<Hit, 2> few;
+  std::vector<Hit> many;
+  for (std::span<Hit> hits = few;; hits = many) {
     const size_t count = structure->all_hits(rest, hits, options);
     for (size_t i = 0; i < count; ++i)
       if (const SceneHit hit{{hits[i]}, 0}; after.precedes(hit)) return hit;
     if (count < hits.size()) return {};
+    many.resize(2 * hits.size());
   }
 }
 
