@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "bvh/tree/node_area.hpp"
 #include "trace/layers.hpp"
 #include "trace/surface.hpp"
 
@@ -339,9 +340,7 @@ constexpr double kLeastShare = 0.125;  // power says little about what a lamp li
 /// How much light of each kind meets the scene, roughly.
 std::array<double, kLightKinds> powers_of(const Scene::Data& scene) {
   // A quarter of the surface is a convex body's mean shadow (Cauchy).
-  const Vec3d size = to_double(scene.bounds.max) - to_double(scene.bounds.min);
-  const double half_area = size.x * size.y + size.y * size.z + size.z * size.x;
-  const double shadow = std::max(0.5 * half_area, 1e-300);
+  const double shadow = std::max(0.5 * bvh::half_area<Aabb>(scene.bounds), 1e-300);
   return {scene.sun.power() * shadow, scene.sky.power() * shadow,
           2.0 * std::numbers::pi * scene.light_choices.total()};
 }
