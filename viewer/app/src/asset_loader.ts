@@ -45,7 +45,7 @@ export class AssetLoader {
     this.meshes = [...meshes];
     for (const mesh of this.lost.keys()) if (!meshes.includes(mesh)) this.lost.delete(mesh);
     if (isGone) {
-      this.notice.hide();
+      this.notice.end();
       if (this.lost.size > 0) this.showLost();
     }
     this.showNotes();

@@ -69,9 +69,11 @@ export class ErrorCard {
 export class Notice {
   readonly element = h("div", { className: "notice", role: "status" });
   private timer = 0;
+  private stays = false;
 
   show(text: string, stays = false): void {
     clearTimeout(this.timer);
+    this.stays = stays;
     this.element.textContent = text;
     this.element.classList.add("shown");
     if (!stays) this.timer = window.setTimeout(() => this.hide(), 3500);
@@ -79,6 +81,11 @@ export class Notice {
 
   hide(): void {
     this.element.classList.remove("shown");
+  }
+
+  /** Hides a line that would stay. */
+  end(): void {
+    if (this.stays) this.hide();
   }
 }
 
