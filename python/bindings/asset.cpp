@@ -3,6 +3,7 @@
 
 #include <cstring>
 
+#include "base/progress.hpp"
 #include "lod.hpp"
 
 namespace umbel::python {
@@ -219,10 +220,11 @@ uint64_t write(const std::filesystem::path& path, const nb::typed<nb::list, lod:
 }
 
 /// Whether every checksum holds. Throws kCorrupt for what cannot be read at all.
-bool is_whole(const Asset& asset) {
+bool is_whole(const Asset& asset, const BuildOptions& options) {
+  Progress progress(options);
   if (!asset.header_is_whole()) return false;
   for (uint32_t page = 0; page < asset.info().pages; ++page) {
-    if (page % 1024 == 0 && PyErr_CheckSignals() != 0) throw nb::python_error();
+    progress.report(0, "reading pages");
     if (!asset.page_is_whole(page)) return false;
   }
   for (uint32_t mesh = 0; mesh < asset.meshes().size(); ++mesh) {
@@ -273,7 +275,12 @@ void bind_asset(nb::module_& module) {
       .def("instance_meshes", &instance_meshes_of)
       .def_prop_ro("materials", [](const Asset& asset) { return asset.materials(); })
       .def_prop_ro("scene", [](const Asset& asset) { return asset.scene(); })
-      .def("is_whole", &is_whole)
+      .def("is_whole",
+           [](const Asset& asset) {
+             // Without a function to call, so that an interrupt ends it.
+             return run(nb::none(), 1,
+                        [&](const BuildOptions& options) { return is_whole(asset, options); });
+           })
       .def_prop_ro("files", &Asset::files)
       .def(
           "file",
