@@ -4,11 +4,11 @@ import { expect, measureCanvas, settled, test } from "./page.js";
 const POLICY = "default-src 'self'; connect-src 'self' data:";
 
 for (const [what, policy] of [
-  ["without a policy", undefined],
-  ["where a policy allows it", `${POLICY}; script-src 'self' 'wasm-unsafe-eval'`],
+  ["by WebAssembly without a policy", undefined],
+  ["by WebAssembly where a policy allows it", `${POLICY}; script-src 'self' 'wasm-unsafe-eval'`],
   ["in TypeScript where none does", POLICY],
 ] as const)
-  test(`pages are decoded by WebAssembly ${what}`, async ({ page, host }) => {
+  test(`pages are decoded ${what}`, async ({ page, host }) => {
     host.policy = policy;
     const module = page.waitForResponse(/wasm_module/);
     await page.goto(`${host.url}/?asset=paged.umbel#pixels=0.1`);

@@ -17,10 +17,10 @@ function pageBytes(file: Uint8Array, { pages }: FileHeader, page: number): Uint8
   return file.slice(pages.offset[page], pages.offset[page] + pages.size[page]);
 }
 
-function allPages(file: Uint8Array, byWasm: boolean): GroupGeometry[] {
+function allPages(file: Uint8Array, byWasm: boolean, read = readPage): GroupGeometry[] {
   const header = readFileHeader(file);
   return Array.from({ length: header.pages.count }, (_, page) =>
-    readPage(header, page, pageBytes(file, header, page), byWasm),
+    read(header, page, pageBytes(file, header, page), byWasm),
   ).flat();
 }
 
@@ -131,6 +131,9 @@ describe("the module", () => {
     expect(instance).not.toHaveBeenCalled();
     await load();
     expect(read(header, 0, bytes)).toEqual(expected);
+    expect(instance).toHaveBeenCalledOnce();
+    // After data that it finds damaged there would be another one.
+    for (const other of files.values()) allPages(other, true, read);
     expect(instance).toHaveBeenCalledOnce();
   });
 
