@@ -20,6 +20,7 @@ sources=(viewer/packages/umbel/wasm/group_decoder.cpp $codec/{connectivity_decod
   $codec/{octahedral,quantize,shared_vertices,twins,uv_prediction,vertex_decoder,vertex_decoder_3}.cpp
   src/base/error.cpp)
 objects=()
+rm -f $build/*.d  # of sources that are no longer compiled
 for source in "${sources[@]}"; do
   object=$build/$(basename "$source").o
   $build/venv/bin/python -m ziglang c++ --target=wasm32-wasi -std=c++20 -O2 -DNDEBUG \

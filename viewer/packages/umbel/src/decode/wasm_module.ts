@@ -34,7 +34,7 @@ export const WASM_SOURCES = [
 ];
 
 /** The SHA-256 of these files, one after the other. */
-export const WASM_DIGEST = "3248517d94d9329fee66915f4e1c6179d43dd7756d1e0dafcc6799602af3941d";
+export const WASM_DIGEST = "b67888379f649821e449852ba9ab852e29656e74cbcd6af560c0cd41744b683a";
 
 /** The module, in base64. */
 export const WASM_MODULE =
