@@ -21,14 +21,9 @@ size_t NearestHits::write(std::span<Hit> found) {
 }
 
 void NearestHits::keep_nearest() {
-  std::sort(hits_.begin(), hits_.end(), [](const Hit& a, const Hit& b) {
-    return a.t != b.t ? a.t < b.t : a.primitive < b.primitive;
-  });
-  hits_.erase(std::unique(hits_.begin(), hits_.end(),
-                          [](const Hit& a, const Hit& b) {
-                            return a.t == b.t && a.primitive == b.primitive;
-                          }),
-              hits_.end());
+  std::sort(hits_.begin(), hits_.end(), precedes);
+  const auto are_same = [](const Hit& a, const Hit& b) { return !precedes(a, b); };
+  hits_.erase(std::unique(hits_.begin(), hits_.end(), are_same), hits_.end());
   hits_.resize(std::min(hits_.size(), most_));
 }
 

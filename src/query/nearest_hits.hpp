@@ -8,8 +8,13 @@
 
 namespace umbel {
 
+/// In the order of (t, primitive).
+static inline bool precedes(const Hit& a, const Hit& b) {
+  return a.t != b.t ? a.t < b.t : a.primitive < b.primitive;
+}
+
 /// Sorts now and then, so that the time for n hits is that of sorting them, in whatever order they
-/// come. Nothing here is inlined, since it is used by files of every instruction set.
+/// come. No member is inlined, since files of every instruction set use it.
 class NearestHits {
  public:
   /// Of the most hits that are wanted.
@@ -20,7 +25,7 @@ class NearestHits {
 
   /// May lower t_max, beyond which no hit counts any more. Hits may be added repeatedly.
   void add(std::span<const Hit> hits, float& t_max);
-  /// Writes the hits in the order of (t, primitive), each triangle once. Returns how many.
+  /// Writes the hits in their order, each triangle once. Returns how many.
   size_t write(std::span<Hit> found);
 
  private:

@@ -102,9 +102,8 @@ static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit
   const auto& tree = static_cast<const Tree&>(store);
   RayFrame frame;
   if (found.empty() || !make_frame(tree, ray, frame)) return 0;
-  const auto precedes = [](const Hit& a, const Hit& b) {
-    return a.t != b.t ? a.t < b.t : a.primitive < b.primitive;
-  };
+  // A lambda, so that what std::lower_bound becomes is this file's own.
+  const auto before = [](const Hit& a, const Hit& b) { return precedes(a, b); };
   size_t count = 0;
   NearestHits many(found.size());
   bool is_many = false;
@@ -126,9 +125,9 @@ static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit
         continue;
       }
       const auto end = found.begin() + static_cast<std::ptrdiff_t>(count);
-      const auto at = std::lower_bound(found.begin(), end, hit, precedes);
+      const auto at = std::lower_bound(found.begin(), end, hit, before);
       // Spatial splits put a triangle into several leaves.
-      if (at != end && at->t == hit.t && at->primitive == hit.primitive) continue;
+      if (at != end && !precedes(hit, *at)) continue;
       if (count < found.size()) {
         std::move_backward(at, end, end + 1);
         ++count;
