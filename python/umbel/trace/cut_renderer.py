@@ -165,9 +165,8 @@ def _uv_sets(asset: Asset) -> int:
     for index, mesh in enumerate(asset.meshes):
         if found >= needed:
             break
-        if mesh["clusters"]:
-            first = asset.cluster(0, index)
-            found = max(found, 0 if first.uvs is None else 1 + len(first.uv_sets))
+        if mesh["clusters"] and mesh["uvs"]:
+            found = max(found, 1 + len(asset.cluster(0, index).uv_sets))
     return found
 
 
