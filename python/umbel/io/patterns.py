@@ -31,12 +31,13 @@ def _matches(pattern: str) -> Iterator[str]:
 
 def _folders(folder: str, above: frozenset[tuple[int, int]]) -> Iterator[str]:
     """A folder and those below it but hidden ones, each with a separator at its end."""
+    path = folder or os.curdir
     try:
-        status = os.stat(folder or os.curdir)
-        with os.scandir(folder or os.curdir) as entries:
+        status = os.stat(path)
+        with os.scandir(path) as entries:
             below = [entry.name for entry in entries if _is_folder(entry)]
     except OSError as error:
-        sentence = f"{folder}: left out: this folder cannot be read: {error.strerror or error}"
+        sentence = f"{path}: left out: this folder cannot be read: {error.strerror or error}"
         warnings.warn(sentence, LoadWarning, stacklevel=2)
         return
     identity = (status.st_dev, status.st_ino)
