@@ -107,7 +107,6 @@ void fill(Scene::Data& scene, const MeshView& mesh, const Shading& shading) {
   scene.sun = Sun(shading.environment);
   copy_uv_sets(mesh, scene);
   sort_materials(scene);
-  find_lights(scene);
 }
 
 void check_structure(const TriangleQueries* structure, size_t triangles) {
@@ -184,6 +183,7 @@ Scene Scene::build(const MeshView& mesh, const Shading& shading,
     check_structure(structure.get(), mesh.triangles.size());
     *scene.data_ = Data{};
     fill(*scene.data_, mesh, shading);
+    find_lights(*scene.data_);
   });
   scene.data_->structure = std::move(structure);
   return scene;
@@ -316,10 +316,8 @@ Scene Scene::build(const ClusterScene& clusters, const Shading& shading,
     data = Data{};
     data.structure = std::make_unique<Bvh>();
     fill(data, mesh.view(), shading);
-    // Lights would be sampled in the space of their part, not where instances are.
-    data.lights.clear();
-    data.light_choices = {};
-    std::fill(data.light_density.begin(), data.light_density.end(), 0.0f);
+    // Without lights, which would be sampled in the space of their part, not where instances are.
+    data.light_density.assign(data.materials.size(), 0.0f);
 
     const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
     const std::vector<uint32_t> masks = Scene::masks(mesh.view(), shading.materials);
