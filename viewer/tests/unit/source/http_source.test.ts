@@ -1,4 +1,4 @@
-import { describe, expect, test } from "vitest";
+import { afterEach, describe, expect, test, vi } from "vitest";
 import { UmbelError } from "../../../packages/umbel/src/errors.js";
 import { HttpSource } from "../../../packages/umbel/src/source/http_source.js";
 
@@ -22,6 +22,10 @@ function host({ hasRanges = true, failures = 0, status = 0, isHidden = false } =
   };
   return { requests, get: get as typeof fetch };
 }
+
+afterEach(() => {
+  vi.unstubAllGlobals();
+});
 
 describe("an HTTP source", () => {
   test("reads ranges, and fewer bytes at the end of the file", async () => {
@@ -49,6 +53,16 @@ describe("an HTTP source", () => {
     expect(await source.read(900, 500)).toEqual(BYTES.slice(900));
     expect(requests.length).toBe(1);
     expect(source.fetched).toBe(BYTES.length);
+  });
+
+  test("names the reason why a page may not read what another host has", async () => {
+    const message = async (origin: string) => {
+      vi.stubGlobal("location", { origin });
+      const source = new HttpSource(URL, { fetch: host({ failures: 1 }).get, retries: 0 });
+      return source.read(0, 3).catch((error: UmbelError) => error.message);
+    };
+    expect(await message("https://host.test")).toBe("The connection to host.test was lost.");
+    expect(await message("https://page.test")).toContain("was lost, or it does not let this page");
   });
 
   test("tries again, and reports the connection", async () => {
