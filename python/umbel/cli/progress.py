@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from types import TracebackType
@@ -32,7 +33,8 @@ class Bar:
         trace: TracebackType | None,
     ) -> None:
         if self._rich is not None:
-            self._rich.stop()
+            with contextlib.suppress(OSError):  # the terminal may be gone
+                self._rich.stop()
 
     def __call__(self, fraction: float, stage: str) -> None:
         if not self._wanted or time.monotonic() - self._started < PATIENCE:
@@ -46,9 +48,10 @@ class Bar:
         if self._rich is None:
             say(sentence)
         else:
-            self._rich.console.print(
-                f"umbel: {sentence}", markup=False, highlight=False, soft_wrap=True
-            )
+            with contextlib.suppress(OSError):
+                self._rich.console.print(
+                    f"umbel: {sentence}", markup=False, highlight=False, soft_wrap=True
+                )
 
     def _open(self) -> None:
         from rich.console import Console

@@ -3,6 +3,8 @@ no file of the output's name that is not whole."""
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import random
 import resource
@@ -16,6 +18,7 @@ import pytest
 
 import umbel
 from helpers.commands import COMMAND, Outcome, Umbel
+from umbel.cli import progress
 
 
 def assert_one_sentence(done: Outcome, status: int = 1) -> None:
@@ -223,6 +226,28 @@ def test_signals_end_a_build_cleanly(
             output.unlink()
         assert os.listdir(tmp_path) == []
     assert stopped > 0
+
+
+def test_a_bar_on_a_terminal_that_is_gone_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        is_gone = False
+
+        def isatty(self) -> bool:
+            return True
+
+        def write(self, text: str) -> int:
+            if self.is_gone:
+                raise OSError(errno.EIO, "Input/output error")
+            return super().write(text)
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    with progress.Bar() as bar:
+        bar(0.5, "half")
+        assert terminal.getvalue()
+        terminal.is_gone = True
+        bar.say("something")
 
 
 def test_nobody_reading_the_output_is_no_crash(blob_asset: Path) -> None:
