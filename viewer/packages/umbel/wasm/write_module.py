@@ -1,4 +1,4 @@
-"""Writes ../src/decode/wasm_module.ts: the compiled decoder, and a digest of what it was compiled from.
+"""Writes ../src/decode/wasm_module.ts: the compiled decoder, and a digest of its sources.
 
 scripts/wasm.sh calls it with the folder of its build."""
 
