@@ -9,14 +9,14 @@ import {
   test,
 } from "./page.js";
 
-const EXPONENTS = [-21, -3, 15];
+const EXPONENTS = [-21, 15];
 
 for (const kind of ["flat", "smooth"])
   test(`${kind} assets of any size look the same, and so do their previews`, async ({
     page,
     host,
   }) => {
-    let release = () => {};
+    let release: (() => void) | undefined;
     await page.route(/\/viewer-[^/]*\.js$/, async (route) => {
       await new Promise<void>((resolve) => {
         release = resolve;
@@ -30,7 +30,10 @@ for (const kind of ["flat", "smooth"])
         () => performance.getEntriesByName("umbel-first-picture").length > 0,
       );
       const preview = await canvasPicture(page);
-      release();
+      // The viewer is asked for after the preview's picture.
+      await expect.poll(() => release).toBeDefined();
+      release?.();
+      release = undefined;
       await settled(page);
       return [preview, await canvasPicture(page)];
     };
