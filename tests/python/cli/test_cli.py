@@ -310,6 +310,7 @@ def test_cluster_refuses_flags_that_its_method_does_not_have(
     for method, flags in (
         ("morton", ("--max-vertices", 20)),
         ("morton", ("--min-triangles", 9)),
+        ("morton", ("--preset", "exact")),
         ("hybrid", ("--overlap", 0.5)),
         ("hybrid", ("--weights", "shared-vertices")),
     ):

@@ -68,6 +68,7 @@ def command(
     if method is None:
         method = Method.hybrid if device is Device.cuda else Method.bisect
     given = {
+        "--preset": preset is not Preset.quality,
         "--min-triangles": min_triangles,
         "--max-vertices": max_vertices,
         "--underfill": underfill,
@@ -136,19 +137,21 @@ def command(
     show(result, as_json, source)
 
 
-_TAKEN = {Method.hybrid: ["--min-triangles", "--max-vertices"], Method.morton: []}
+_TAKEN = {Method.hybrid: ["--preset", "--min-triangles", "--max-vertices"], Method.morton: []}
 """Flags of methods that do not have all."""
+_TAKEN_ON_DEVICE = ["--min-triangles", "--max-vertices", "--underfill"]
+"""Those of the hybrid method."""
 
 
 def _check_flags(method: Method, device: Device, given: list[str]) -> None:
     """Refuses flags that the method would not heed."""
-    taken = _TAKEN.get(method, given)
+    taken, named = _TAKEN.get(method, given), method.value
     if device is Device.cuda and method is Method.hybrid:
-        taken = [*taken, "--underfill"]
+        taken, named = _TAKEN_ON_DEVICE, f"{named} with --device cuda"
     for flag in given:
         if flag not in taken:
             methods = "bisect and hybrid" if flag in _TAKEN[Method.hybrid] else "bisect"
-            fail(f"{flag} is for --method {methods}, not {method.value}")
+            fail(f"{flag} is for --method {methods}, not {named}")
 
 
 def _write(output: Path, mesh: Mesh, clusters: Clusters) -> None:
