@@ -256,7 +256,7 @@ def _spread(table: NDArray[np.uint32], view_of: NDArray[np.int64]) -> NDArray[np
 
 def _load(residency: Residency, views: list[tuple[int, _umbel.View, None]]) -> bool:
     """Steps until all that the views want is there, or no more of it will come: whether it is."""
-    active = 0.0
+    active = time.monotonic()
     while True:
         now = time.monotonic()
         step = residency._native.step(views, now)
