@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Compiles the decoder for the web viewer, viewer/packages/umbel/wasm, to WebAssembly, and writes it
-# to viewer/packages/umbel/src/decode/wasm_module.ts, which is committed: so the viewer builds
+# Compiles the decoder for the web viewer, viewer/packages/umbel/wasm, to WebAssembly:
+# viewer/packages/umbel/src/decode/decoder.wasm, which is committed, so that the viewer builds
 # without a compiler. A unit test says when this has to run again. `make wasm` is this script.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -29,5 +29,7 @@ for source in "${sources[@]}"; do
   objects+=("$object")
 done
 $build/venv/bin/python -m ziglang c++ --target=wasm32-wasi -mexec-model=reactor \
-  -Wl,--no-entry,--strip-all,--gc-sections "${objects[@]}" -o $build/decoder.wasm
-python3 viewer/packages/umbel/wasm/write_module.py $build
+  -Wl,--no-entry,--strip-all,--gc-sections,-z,stack-size=262144 "${objects[@]}" \
+  -o viewer/packages/umbel/src/decode/decoder.wasm
+chmod 644 viewer/packages/umbel/src/decode/decoder.wasm
+python3 viewer/packages/umbel/wasm/write_sources.py $build

@@ -11,7 +11,9 @@ import { loadWasm, readFileHeader, readPage } from "../packages/umbel/dist/index
 
 const TURNS = 25;
 
-await loadWasm();
+await loadWasm(
+  readFileSync(new URL("../packages/umbel/dist/decode/decoder.wasm", import.meta.url)),
+);
 for (const name of process.argv.slice(2)) {
   const file = new Uint8Array(readFileSync(name));
   const header = readFileHeader(file);

@@ -10,7 +10,7 @@ for (const [what, policy] of [
 ] as const)
   test(`pages are decoded ${what}`, async ({ page, host }) => {
     host.policy = policy;
-    const module = page.waitForResponse(/wasm_module/);
+    const module = page.waitForResponse(/decoder-[^/]*\.wasm/);
     await page.goto(`${host.url}/?asset=paged.umbel#pixels=0.1`);
     expect((await module).ok()).toBe(true);
     await settled(page);

@@ -5,7 +5,6 @@ import { afterEach, beforeAll, describe, expect, test, vi } from "vitest";
 import type { GroupGeometry } from "../../../packages/umbel/src/decode/group.js";
 import { readPage } from "../../../packages/umbel/src/decode/page.js";
 import { loadWasm } from "../../../packages/umbel/src/decode/wasm_decoder.js";
-import { WASM_DIGEST, WASM_SOURCES } from "../../../packages/umbel/src/decode/wasm_module.js";
 import { type FileHeader, readFileHeader } from "../../../packages/umbel/src/format/file_header.js";
 import { GROUP_ROW, PAGE_HEADER } from "../../../packages/umbel/src/format/tables.js";
 import { xxh64 } from "../../../packages/umbel/src/format/xxh64.js";
@@ -53,12 +52,16 @@ function outcomeOfPage(header: FileHeader, bytes: Uint8Array, byWasm: boolean): 
   }
 }
 
-beforeAll(loadWasm);
+const SOURCES = join(ROOT, "viewer/packages/umbel/wasm/sources.json");
+const CODE = readFileSync(join(ROOT, "viewer/packages/umbel/src/decode/decoder.wasm"));
+
+beforeAll(() => loadWasm(CODE));
 
 test("the module was compiled from today's sources; if not, run `make wasm`", () => {
   const digest = createHash("sha256");
-  for (const name of WASM_SOURCES) digest.update(readFileSync(join(ROOT, name)));
-  expect(digest.digest("hex")).toBe(WASM_DIGEST);
+  const { sha256, sources } = JSON.parse(readFileSync(SOURCES, "utf-8"));
+  for (const name of sources) digest.update(readFileSync(join(ROOT, name)));
+  expect(digest.digest("hex")).toBe(sha256);
 });
 
 /** The header, of a file that has a good one. */
@@ -129,7 +132,7 @@ describe("the module", () => {
     vi.stubGlobal("WebAssembly", Object.create(WebAssembly, { Instance: { value: instance } }));
     expect(read(header, 0, bytes)).toEqual(expected);
     expect(instance).not.toHaveBeenCalled();
-    await load();
+    await load(CODE);
     expect(read(header, 0, bytes)).toEqual(expected);
     expect(instance).toHaveBeenCalledOnce();
     // After data that it finds damaged there would be another one.
@@ -139,15 +142,18 @@ describe("the module", () => {
 
   test("is loaded after some bytes", async () => {
     const { read } = await fresh();
+    const request = vi.fn(async () => new Response(CODE));
+    vi.stubGlobal("fetch", request);
     const compile = vi.spyOn(WebAssembly, "compile");
     for (let at = 0; at < 2 << 20; at += bytes.length) read(header, 0, bytes);
     await vi.waitFor(() => expect(compile).toHaveBeenCalledOnce());
+    expect(request).toHaveBeenCalledOnce();
   });
 
   test("may be forbidden", async () => {
     const { load, read } = await fresh();
     const compile = vi.spyOn(WebAssembly, "compile").mockRejectedValue(new Error("forbidden"));
-    await load();
+    await load(CODE);
     expect(compile).toHaveBeenCalledOnce();
     expect(read(header, 0, bytes)).toEqual(expected);
   });
@@ -155,7 +161,7 @@ describe("the module", () => {
   test("may be unknown to the browser", async () => {
     const { load, read } = await fresh();
     vi.stubGlobal("WebAssembly", undefined);
-    await load();
+    await load(CODE);
     expect(read(header, 0, bytes)).toEqual(expected);
   });
 });

@@ -38,18 +38,24 @@ let loading: Promise<void> | undefined;
 let module: WebAssembly.Module | undefined;
 let instance: Exports | undefined;
 
-async function load(): Promise<void> {
+async function fetched(): Promise<ArrayBuffer> {
+  return (await fetch(new URL("./decoder.wasm", import.meta.url))).arrayBuffer();
+}
+
+async function load(code?: BufferSource): Promise<void> {
   try {
-    const { WASM_MODULE } = await import("./wasm_module.js");
-    module = await WebAssembly.compile(Uint8Array.from(atob(WASM_MODULE), (c) => c.charCodeAt(0)));
+    module = await WebAssembly.compile(code ?? (await fetched()));
   } catch {
     // It may not run, or did not arrive: TypeScript decodes on.
   }
 }
 
-/** Loads the module, if that has not begun; resolves when it is there, or cannot be. */
-export function loadWasm(): Promise<void> {
-  loading ??= load();
+/**
+ * Loads the module, if that has not begun; resolves when it is there, or cannot be.
+ * @param code the bytes of decoder.wasm, where they cannot be fetched, as in Node
+ */
+export function loadWasm(code?: BufferSource): Promise<void> {
+  if (loading === undefined || code !== undefined) loading = load(code);
   return loading;
 }
 
