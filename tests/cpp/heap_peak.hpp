@@ -46,6 +46,7 @@ void fail_each_allocation(const Work& work, const Check& check) {
         work();
         done = !failing.has_failed();
       } catch (const std::bad_alloc&) {
+        done = false;
       }
     }
     if (done) return;
