@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +78,7 @@ def command(
         "--presplit": presplit,
         "--weights": weights != "none",
     }
-    _check_flags(method, device, [flag for flag, value in given.items() if value])
+    _warn_of_flags(method, device, [flag for flag, value in given.items() if value])
     if output is not None:
         check_output(output, ".glb", ".npz", inputs=[source])
 
@@ -143,15 +144,17 @@ _TAKEN_ON_DEVICE = ["--min-triangles", "--max-vertices", "--underfill"]
 """Those of the hybrid method."""
 
 
-def _check_flags(method: Method, device: Device, given: list[str]) -> None:
-    """Refuses flags that the method would not heed."""
+def _warn_of_flags(method: Method, device: Device, given: list[str]) -> None:
+    """Names flags that the method does not heed: scripts give all methods the same ones."""
     taken, named = _TAKEN.get(method, given), method.value
     if device is Device.cuda and method is Method.hybrid:
         taken, named = _TAKEN_ON_DEVICE, f"{named} with --device cuda"
     for flag in given:
         if flag not in taken:
             methods = "bisect and hybrid" if flag in _TAKEN[Method.hybrid] else "bisect"
-            fail(f"{flag} is for --method {methods}, not {named}")
+            warnings.warn(
+                f"{flag} has no effect: it is for --method {methods}, not {named}", stacklevel=2
+            )
 
 
 def _write(output: Path, mesh: Mesh, clusters: Clusters) -> None:
