@@ -70,7 +70,7 @@ def test_a_budget_makes_errors_grow_until_it_is_kept(herd: Path) -> None:
 
 
 class Failing(io.FileIO):
-    """A file of which each place fails so many times before it can be read; its head never does."""
+    """A file whose places each fail so many times before they can be read; its head never does."""
 
     failures = 0
 

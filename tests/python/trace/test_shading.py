@@ -52,7 +52,7 @@ def quadrants(channels: str = "rgba") -> np.ndarray:
 
 
 def plain_png(depth: int, kind: int, pixels: bytes, width: int, clear: tuple[int, ...]) -> bytes:
-    """One row of pixels, of which those of a colour are not there."""
+    """One row of pixels; those of one colour are fully transparent."""
 
     def chunk(name: bytes, data: bytes) -> bytes:
         ends = struct.pack(">I", len(data)), struct.pack(">I", zlib.crc32(name + data))
