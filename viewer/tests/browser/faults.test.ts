@@ -49,6 +49,18 @@ test("a missing file is reported", async ({ page, host }) => {
   await expect(page.getByRole("alert")).toContainText("There is no file at");
 });
 
+test("a server that refuses the file is reported as such", async ({ page, host }) => {
+  for (const [status, words] of [
+    [401, "(401): it asks for a login."],
+    [403, "(403)."],
+  ] as const) {
+    host.status = status;
+    await page.goto(host.url + PLANET);
+    await expect(page.getByRole("alert")).toContainText("No access");
+    await expect(page.getByRole("alert")).toContainText(`planet.umbel ${words}`);
+  }
+});
+
 test("another kind of file is reported as such", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=index.html`);
   await expect(page.getByRole("alert")).toContainText("This is not an .umbel file.");
@@ -132,10 +144,10 @@ test("a lost connection is reported, and loading goes on once it is back", async
 test("a file that is gone for a while is asked for again", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=paged.umbel#pixels=32`);
   const before = await settled(page);
-  host.isMissing = true;
+  host.status = 404;
   await slide(page, "#pixels", 0.2);
   await expect(page.locator(".notice")).toContainText("The connection is lost");
-  host.isMissing = false;
+  host.status = undefined;
   await expect(page.locator(".notice")).toContainText("The connection is back");
   const { triangles, damagedPages } = await settled(page);
   expect(triangles).toBeGreaterThan(2 * before.triangles);

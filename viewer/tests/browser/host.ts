@@ -17,8 +17,8 @@ export class Host {
   hasRanges = true;
   /** Whether requests for assets are answered at all. */
   isDown = false;
-  /** Whether assets are reported as missing. */
-  isMissing = false;
+  /** The status that requests for assets are answered with, in place of the asset. */
+  status: number | undefined;
   /** The Content-Security-Policy of the page. */
   policy: string | undefined;
   /** Bytes of assets that were sent. */
@@ -74,8 +74,8 @@ export class Host {
       request.socket.destroy();
       return;
     }
-    if (this.isMissing) {
-      response.writeHead(404).end();
+    if (this.status !== undefined) {
+      response.writeHead(this.status).end();
       return;
     }
     this.sendAsset(readFileSync(file), request.headers.range, response);

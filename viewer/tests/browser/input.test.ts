@@ -130,20 +130,20 @@ test("holding the frame rate draws fewer triangles", async ({ page, host }) => {
 });
 
 test("a missing file can be opened again once it is there", async ({ page, host }) => {
-  host.isMissing = true;
+  host.status = 404;
   await page.goto(host.url + COARSE);
   await expect(page.getByRole("alert")).toContainText("Not found");
-  host.isMissing = false;
+  host.status = undefined;
   await page.getByRole("button", { name: "Try again" }).click();
   await settled(page);
   await expect(page.getByRole("alert")).toBeHidden();
 });
 
 test("a missing file that is opened again has the view of the link", async ({ page, host }) => {
-  host.isMissing = true;
+  host.status = 404;
   await page.goto(`${host.url}${COARSE}&eye=0,0,2.5&target=0,0,0.5`);
   await expect(page.getByRole("alert")).toContainText("Not found");
-  host.isMissing = false;
+  host.status = undefined;
   await page.getByRole("button", { name: "Try again" }).click();
   await settled(page);
   const { position, target } = await page.evaluate(

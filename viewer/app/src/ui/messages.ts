@@ -26,6 +26,7 @@ const KEYS: [string, string][] = [
 const TITLES: Record<string, string> = {
   network: "No connection",
   missing: "Not found",
+  refused: "No access",
   "not-umbel": "Not an .umbel file",
   version: "Another version",
   corrupt: "Damaged file",

@@ -3,6 +3,7 @@
 export type UmbelErrorKind =
   | "network" // the connection failed, or the server did
   | "missing" // there is nothing at the address
+  | "refused" // the server does not give the file to this page
   | "not-umbel" // not an .umbel file
   | "version" // written by a newer major version
   | "corrupt" // an .umbel file, but its bytes contradict themselves

@@ -136,7 +136,8 @@ describe("an HTTP source", () => {
 
   test.each([
     [404, "missing", 1],
-    [403, "missing", 1],
+    [401, "refused", 1],
+    [403, "refused", 1],
     [503, "network", 3],
   ])("status %i is an error of kind %s", async (status, kind, count) => {
     const { requests, get } = host({ status });

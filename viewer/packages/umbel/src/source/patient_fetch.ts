@@ -76,12 +76,10 @@ function isOther(url: string): boolean {
 export function statusError(status: number, url: string): UmbelError {
   if (status >= 500 || status === 408 || status === 429)
     return new UmbelError("network", `${hostOf(url)} answered with an error (${status}).`);
-  return new UmbelError(
-    "missing",
-    status === 404 || status === 410
-      ? `There is no file at ${url}.`
-      : `${hostOf(url)} refuses ${url} (${status}).`,
-  );
+  if (status === 404 || status === 410)
+    return new UmbelError("missing", `There is no file at ${url}.`);
+  const reason = status === 401 || status === 407 ? ": it asks for a login" : "";
+  return new UmbelError("refused", `${hostOf(url)} refuses ${url} (${status})${reason}.`);
 }
 
 export function hostOf(url: string): string {
