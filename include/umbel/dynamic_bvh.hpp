@@ -22,7 +22,7 @@ namespace umbel::bvh {
 struct DynamicNode {
   Aabb box;
   uint32_t link;    ///< highest bit set: a leaf, the others are its primitive
-  float half_area;  ///< of the box's surface
+  float half_area;  ///< of the box's surface; 0 or infinite where it is no float
   bool is_leaf() const { return (link & 0x80000000u) != 0; }
   uint32_t primitive() const { return link & 0x7fffffffu; }
   uint32_t first_child() const { return 2 * link; }  ///< the other one follows it

@@ -6,10 +6,12 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 #include <vector>
 
 #include "base/big_vector.hpp"
+#include "base/hash.hpp"
 #include "bvh/tree/merge_tree.hpp"
 #include "umbel/dynamic_bvh.hpp"
 
@@ -33,7 +35,7 @@ class GrowingTree {
   void insert(uint32_t primitive, const Aabb& box) {
     if (free_pairs_.empty()) make_room();
     if (is_tracking_) make_room_for_leaf(primitive);
-    insert_beside(pairs_ == 0 ? 0 : best_sibling(box, area_of(box)), primitive, box);
+    insert_beside(pairs_ == 0 ? 0 : best_sibling(primitive, box), primitive, box);
   }
   /// Needs no memory for a primitive that was just removed.
   void insert_beside(uint32_t sibling, uint32_t primitive, const Aabb& box) {
@@ -163,7 +165,7 @@ class GrowingTree {
 
   /// A pair to be searched, and by how much its ancestors grow.
   struct Candidate {
-    float growth;
+    double growth;
     uint32_t pair;
   };
 
@@ -175,12 +177,27 @@ class GrowingTree {
     return subtree.is_primitive() ? 1 : merges[subtree.index()].count;
   }
 
+  /// Half the area of a box, enlarged by a sliver of the whole tree, so that points and segments on
+  /// a line have one too. In double, where no box is too large or too small.
+  double padded_area(const Aabb& box) const {
+    const double x = double(box.max.x) - double(box.min.x) + padding_,
+                 y = double(box.max.y) - double(box.min.y) + padding_,
+                 z = double(box.max.z) - double(box.min.z) + padding_;
+    return x * y + z * (x + y);
+  }
+
   /// The node that should become the sibling of the box.
-  uint32_t best_sibling(const Aabb& box, float area) {
-    float best = united_area(nodes_[0].box, box);
+  uint32_t best_sibling(uint32_t primitive, const Aabb& box) {
+    const Aabb whole = united(nodes_[0].box, box);
+    padding_ = 0x1p-24 * std::max({double(whole.max.x) - double(whole.min.x),
+                                   double(whole.max.y) - double(whole.min.y),
+                                   double(whole.max.z) - double(whole.min.z)});
+    const double area = padded_area(box);
+    double best = padded_area(whole);
     uint32_t best_node = 0;
     candidates_.clear();
-    if (!nodes_[0].is_leaf()) candidates_.push_back({best - nodes_[0].half_area, nodes_[0].link});
+    if (!nodes_[0].is_leaf())
+      candidates_.push_back({best - padded_area(nodes_[0].box), nodes_[0].link});
     for (uint32_t searched = 0; searched < kMostSearched && !candidates_.empty(); ++searched) {
       const Candidate candidate = candidates_.back();
       candidates_.pop_back();
@@ -189,18 +206,25 @@ class GrowingTree {
       Candidate below[2];
       for (uint32_t i = 0; i < 2; ++i) {
         const DynamicNode& node = nodes_[2 * candidate.pair + i];
-        const float cost = candidate.growth + united_area(node.box, box);
+        const double cost = candidate.growth + padded_area(united(node.box, box));
         if (cost < best) {
           best = cost;
           best_node = 2 * candidate.pair + i;
         }
-        below[i] = {cost - node.half_area, node.link};
+        // Below a leaf there is nothing to be searched.
+        below[i] = {node.is_leaf() ? best : cost - padded_area(node.box), node.link};
       }
       // The more promising one is searched first, so it is pushed last.
       if (below[0].growth < below[1].growth) std::swap(below[0], below[1]);
       for (const Candidate& next : below)
-        if (!Subtree{next.pair}.is_primitive() && next.growth + area < best)
-          candidates_.push_back(next);
+        if (next.growth + area < best) candidates_.push_back(next);
+    }
+    // Among equal boxes all places cost the same. A random one keeps them from becoming a chain.
+    for (uint64_t path = mix64(primitive); !nodes_[best_node].is_leaf();
+         path = std::rotr(path, 1)) {
+      const uint32_t next = nodes_[best_node].first_child() + (path & 1);
+      if (nodes_[next].box != box) break;
+      best_node = next;
     }
     return best_node;
   }
@@ -221,15 +245,15 @@ class GrowingTree {
   /// Exchanges one of two siblings with a child of the other where that shrinks the other most;
   /// false where it does not.
   bool rotate(uint32_t left, uint32_t right) {
-    float best = 0;
+    double best = 0;
     uint32_t node = 0, child = 0;
     for (const auto& [outer, inner] : {std::pair{left, right}, std::pair{right, left}}) {
       if (nodes_[inner].is_leaf()) continue;
       const uint32_t first = nodes_[inner].first_child();
       for (const uint32_t leaving : {first, first + 1}) {
-        const float gain =
-            nodes_[inner].half_area - united_area(nodes_[outer].box, nodes_[leaving ^ 1].box);
-        if (!(gain > best)) continue;  // also where areas are infinite
+        const double gain = padded_area(nodes_[inner].box) -
+                            padded_area(united(nodes_[outer].box, nodes_[leaving ^ 1].box));
+        if (gain <= best) continue;
         best = gain;
         node = outer;
         child = leaving;
@@ -249,6 +273,7 @@ class GrowingTree {
   std::vector<uint32_t> free_pairs_;
   uint32_t pairs_ = 0;  ///< free ones included
   bool is_tracking_ = false;
+  double padding_ = 0;  ///< of padded_area()
   std::vector<Candidate> candidates_;
 };
 

@@ -160,6 +160,34 @@ TEST(DynamicTree, the_cost_does_not_depend_on_the_scale) {
   }
 }
 
+/// Where areas are 0, infinite or equal, and in any order, trees are not deep.
+TEST(DynamicTree, no_boxes_become_a_chain) {
+  const std::vector<Aabb> boxes = random_boxes(4000, 9);
+  const auto expect_flat = [&](const char* name, auto&& change) {
+    DynamicTree tree;
+    std::map<uint32_t, Aabb> truth;
+    for (const Aabb& box : boxes) {
+      const Aabb changed = change(box);
+      truth.emplace(tree.insert(changed), changed);
+    }
+    expect_holds(tree, truth);
+    EXPECT_LT(bvh::statistics(tree.snapshot(1)).max_depth, 64u) << name;
+  };
+  const auto scaled = [](float scale) {
+    return [=](const Aabb& box) { return Aabb{box.min * scale, box.max * scale}; };
+  };
+  expect_flat("one point", [](const Aabb&) { return Aabb{{1, 2, 3}, {1, 2, 3}}; });
+  expect_flat("one box", [](const Aabb&) { return Aabb{{1, 2, 3}, {4, 5, 6}}; });
+  expect_flat("huge", scaled(0x1p120f));
+  expect_flat("tiny", scaled(0x1p-100f));
+  expect_flat("points on a line",
+              [](const Aabb& box) { return Aabb{{box.min.x, 0, 0}, {box.min.x, 0, 0}}; });
+  expect_flat("points on a line, in order", [x = 0.0f](const Aabb&) mutable {
+    x += 1;
+    return Aabb{{x, 0, 0}, {x, 0, 0}};
+  });
+}
+
 TEST(DynamicTree, nearest_box_is_found_in_order) {
   const std::vector<Aabb> boxes = random_boxes(2000, 8);
   DynamicTree tree;
