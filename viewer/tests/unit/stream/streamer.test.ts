@@ -1,4 +1,5 @@
 import { describe, expect, test } from "vitest";
+import { UmbelError } from "../../../packages/umbel/src/errors.js";
 import { cameraView, type View } from "../../../packages/umbel/src/select/select.js";
 import { BlobSource, type ByteSource } from "../../../packages/umbel/src/source/source.js";
 import { ABSENT, RESIDENT } from "../../../packages/umbel/src/stream/page_cache.js";
@@ -16,6 +17,8 @@ const HUGE = 2 ** 30;
 
 class MemorySource implements ByteSource {
   fetched = 0;
+  /** Whether the server refuses all requests. */
+  isRefusing = false;
   readonly reads: [number, number][] = [];
   private readonly source: BlobSource;
 
@@ -25,6 +28,7 @@ class MemorySource implements ByteSource {
 
   async read(offset: number, length: number): Promise<Uint8Array> {
     this.reads.push([offset, length]);
+    if (this.isRefusing) throw new UmbelError("refused", "The link has expired.");
     const part = await this.source.read(offset, length);
     this.fetched += part.length;
     return part;
@@ -353,4 +357,21 @@ test("a paused stream requests nothing, and goes on where it was", async () => {
   watched.streamer.setPaused(false);
   await watched.until((s) => s.isSettled && s.missingPages === 0);
   expect(watched.cut).toEqual(select(PLANET, view));
+});
+
+test.each(["planet", "forest"])("does not press a server that refuses %s", async (name) => {
+  const asset = loadAsset(name);
+  const source = new MemorySource(asset.file);
+  const watched = await Watched.open(source, HUGE, asset);
+  source.isRefusing = true;
+  const view = cameraView(NEAR, 0.8, 800, 2);
+  if (asset.header.tree) watched.streamer.setScene({ view, planes: new Float32Array(0) });
+  else watched.streamer.setViews(viewsOf(view));
+  for (let frame = 0; frame < 30; ++frame) {
+    await new Promise((next) => setTimeout(next, 10));
+    watched.streamer.setBudget(HUGE);
+  }
+  // As many as are open at the same time.
+  expect(source.requests).toBeGreaterThan(1);
+  expect(source.requests).toBeLessThanOrEqual(1 + 6);
 });

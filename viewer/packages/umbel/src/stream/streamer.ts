@@ -48,6 +48,8 @@ export class Streamer {
   private isClosed = false;
   private needsPlan = false;
   private isPaused = false;
+  /** Whether nothing is requested until it is time to try again. */
+  private isWaiting = false;
   private readonly spare = new SpareBytes();
   /** Of an asset with a tree of instances. */
   private readonly tree: InstanceStream | undefined;
@@ -191,7 +193,7 @@ export class Streamer {
       this.selectTime = performance.now() - start;
       this.removeGroups(this.residency.trim());
     }
-    if (!this.isPaused) this.fetchMore();
+    if (!this.isPaused && !this.isWaiting) this.fetchMore();
     this.emit();
   }
 
@@ -280,7 +282,12 @@ export class Streamer {
 
   private retryLater(): void {
     this.listener.connection(true);
-    setTimeout(() => this.schedule(true), RETRY_DELAY);
+    if (this.isWaiting) return;
+    this.isWaiting = true;
+    setTimeout(() => {
+      this.isWaiting = false;
+      this.schedule(true);
+    }, RETRY_DELAY);
   }
 
   private async fetch(run: number[]): Promise<void> {
