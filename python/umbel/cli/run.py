@@ -178,6 +178,11 @@ def hear(message: Warning | str) -> str:
     return sentence
 
 
+def warn_no_effect(flag: str, why: str) -> None:
+    """Names a flag that is given in vain: scripts give all methods the same ones."""
+    warnings.warn(f"{flag} has no effect: {why}", stacklevel=3)
+
+
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     say(f"warning: {hear(message)}")
 

@@ -174,3 +174,13 @@ def test_the_command_passes_settings_on(umbel_command: Umbel, blob_ply: Path) ->
     assert shallow["max_depth"] <= 5 and shallow["traversal"] == "short-stack"
     failed = umbel_command("kdtree", blob_ply, "--max-depth", "65")
     assert failed.status == 1 and "--max-depth" in failed.err
+
+
+def test_the_command_names_flags_that_have_no_effect(umbel_command: Umbel, small_ply: Path) -> None:
+    flags = ("--bins", 32, "--ropes", "--traversal", "short-stack")
+    assert umbel_command("kdtree", small_ply, *flags, "--json").json["warnings"] == [
+        "--bins has no effect: it is for --builder binned, not exact",
+        "--ropes has no effect: --traversal short-stack is given",
+    ]
+    heeded = ("--builder", "binned", "--bins", 32, "--ropes", "--traversal", "ropes")
+    assert umbel_command("kdtree", small_ply, *heeded).err == ""

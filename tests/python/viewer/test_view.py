@@ -224,6 +224,14 @@ def test_export_writes_a_folder_that_names_its_asset(asset: Path, tmp_path: Path
         umbel.export_viewer(asset, tmp_path / "site")
 
 
+def test_export_names_flags_of_serving(umbel_command: Umbel, asset: Path, tmp_path: Path) -> None:
+    flags = ("--export", tmp_path / "site", "--port", 8000, "--no-browser", "--json")
+    assert umbel_command("view", asset, *flags).json["warnings"] == [
+        f"{flag} has no effect: with --export nothing is served"
+        for flag in ("--port", "--no-browser")
+    ]
+
+
 @pytest.mark.parametrize("command", [["view", "--export"], ["export", "--format", "viewer", "-o"]])
 def test_commands_say_how_an_exported_folder_is_served(
     umbel_command: Umbel, asset: Path, tmp_path: Path, command: list[str]
@@ -231,6 +239,7 @@ def test_commands_say_how_an_exported_folder_is_served(
     site = tmp_path / "my site"
     said = umbel_command(command[0], asset, *command[1:], site, "--json").json
     assert said["index"] == str(site / "index.html") and "url" not in said
+    assert said["warnings"] == []
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

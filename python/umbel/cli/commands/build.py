@@ -10,7 +10,7 @@ import typer
 
 from umbel.cli.inputs import AllowOutside
 from umbel.cli.options import Attributes, Instances, SeamRule, option, switch
-from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show
+from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show, warn_no_effect
 
 if TYPE_CHECKING:
     from umbel.cli.building.build_file import Limits, Options
@@ -211,9 +211,12 @@ def command(
     limits = Limits(memory, work, resume)
     is_limited = limits != Limits() or unit_triangles is not None
     is_elsewhere = ray is not None or dask is not None
-    is_one_asset = output.lower().endswith(".umbel") and not os.path.isdir(output)
-    if keep_going and is_one_asset and is_many(inputs, output) and (is_limited or is_elsewhere):
+    several = is_many(inputs, output)
+    names_asset = output.lower().endswith(".umbel") and not os.path.isdir(output)
+    if keep_going and names_asset and several and (is_limited or is_elsewhere):
         fail("--keep-going is for several assets: one mesh needs all of its inputs")
+    is_one_asset = is_elsewhere or not several or (is_limited and names_asset)
+    _warn_of_flags(options, jobs, keep_going, is_one_asset)
     if is_elsewhere:
         _build_elsewhere(
             inputs, output, options, limits, (ray, dask), skip_unchanged, as_json, threads
@@ -222,10 +225,10 @@ def command(
     for flag, name in (("-o", output), ("--work", work or "")):
         if is_address(name):
             fail(f"{flag} {name}: only --ray and --dask write to addresses; name a path")
-    if not is_many(inputs, output) or (is_limited and is_one_asset):
+    if is_one_asset:
         from umbel.cli.building.jobs import files_of
 
-        files = files_of(inputs) if is_many(inputs, output) else inputs
+        files = files_of(inputs) if several else inputs
         _build_one(files, output, options, limits, skip_unchanged, as_json, threads)
         return
     if is_limited:
@@ -246,6 +249,20 @@ def command(
         threads=threads,
         flags=_FLAGS,
     )
+
+
+def _warn_of_flags(options: Options, jobs: int, keep_going: bool, is_one_asset: bool) -> None:
+    """Names flags that this build does not heed."""
+    for flag, is_given in (("--jobs", jobs > 1), ("--keep-going", keep_going)):
+        if is_given and is_one_asset:
+            warn_no_effect(flag, "it is for several assets")
+    if options.attributes == "auto":
+        return
+    usual = type(options)()
+    for name in ("seams", "creases", "normal_bits", "tangent_bits", "color_bits", "uv_bits"):
+        if getattr(options, name) != getattr(usual, name):
+            flag = f"--{name.replace('_', '-')}"
+            warn_no_effect(flag, "with --attributes none nothing is left that it is for")
 
 
 def _build_elsewhere(
@@ -275,6 +292,8 @@ def _build_elsewhere(
         fail(f"{output}: the output of --ray and --dask is one asset, and must end in .umbel")
     if not is_address(output):
         check_output(Path(output), ".umbel", inputs=[i for i in inputs if not is_address(i)])
+    if skip_unchanged and any(map(is_address, (*inputs, output))):
+        warn_no_effect("--skip-unchanged", "what is at addresses is always built again")
     executor = Ray(ray) if ray is not None else Dask(str(dask))
     with Bar(time_left=True) as bar:
         result = build_units(

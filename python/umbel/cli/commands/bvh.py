@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
 from umbel.cli.options import Distance, file_to_keep, option
 from umbel.cli.outputs import check_output
-from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show
+from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show, warn_no_effect
 from umbel.cli.structures import FLAGS, Compact, Costs, DropInvalid, parse_cost, ray_speeds
 
 if TYPE_CHECKING:
@@ -21,6 +21,31 @@ if TYPE_CHECKING:
 def _knob(metavar: str | None, text: str, value: Any = None) -> Any:
     """An option of one builder."""
     return option(value, metavar, text, rich_help_panel="Settings of builders")
+
+
+_BUILDERS = {
+    "bins": ["binned"],
+    "spatial_budget": ["sbvh"],
+    "spatial_overlap": ["sbvh"],
+    "morton_bits": ["lbvh"],
+    "hlbvh_bits": ["hlbvh"],
+    "clusters": ["kmeans"],
+    "candidates": ["kmeans"],
+    "iterations": ["kmeans"],
+    "distance": ["kmeans"],
+    "forwarded_clusters": ["kmeans"],
+    "aac_leaf_size": ["aac"],
+    "aac_epsilon": ["aac"],
+    "ploc_radius": ["ploc", "hploc"],
+    "ploc_sweep": ["ploc"],
+    "atrbvh_bits": ["atrbvh"],
+    "treelet_size": ["atrbvh"],
+    "treelet_rounds": ["atrbvh"],
+}
+"""Which builders heed an option that not all do."""
+_PRESETS = {"fast": "lbvh", "quality": "binned", "best": "sbvh"}
+_NOT_KARY = ("max_depth", "reinsertion_rounds", "forwarded_clusters")
+"""What makes the binary tree of the clusters, which is left out with --kary."""
 
 
 @ends_cleanly(FLAGS)
@@ -131,6 +156,7 @@ def command(
         given: dict[str, Any] = {**options}
         del given["invalid"]
         result |= bvh_on_device(mesh, builder, given, threads)
+        _warn_of_flags(builder, device, kary, options)
         result["warnings"] = heard
         show(result, as_json, source)
         return
@@ -144,6 +170,7 @@ def command(
         built = time.perf_counter()
         bvh = Bvh.from_tree(tree, mesh, width=width, compact=compact, threads=threads)
         widened = time.perf_counter()
+    _warn_of_flags(builder, device, kary, options)
     if output is not None:
         bvh.save(output)
         warn_of_origin(output, origin)
@@ -166,3 +193,18 @@ def command(
         result["file_bytes"] = output.stat().st_size
     result["warnings"] = heard
     show(result, as_json, source)
+
+
+def _warn_of_flags(builder: str, device: Device, kary: bool, options: TreeOptions) -> None:
+    """Names settings that the builder does not heed."""
+    from umbel.cli.on_device import BUILDERS
+
+    presets = BUILDERS if device is Device.cuda else _PRESETS
+    built_by = presets.get(builder, builder).partition("-")[0]
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        builders = _BUILDERS.get(name, [built_by])
+        if value is not None and built_by not in builders:
+            warn_no_effect(flag, f"it is for --builder {builders[0]}, not {builder}")
+        elif value is not None and kary and name in _NOT_KARY:
+            warn_no_effect(flag, "it is not for --kary")

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
 from umbel.cli.options import Method, Preset, option
 from umbel.cli.outputs import check_output
-from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show
+from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show, warn_no_effect
 
 if TYPE_CHECKING:
     from umbel.cluster.clusters import Clusters
@@ -145,16 +144,14 @@ _TAKEN_ON_DEVICE = ["--min-triangles", "--max-vertices", "--underfill"]
 
 
 def _warn_of_flags(method: Method, device: Device, given: list[str]) -> None:
-    """Names flags that the method does not heed: scripts give all methods the same ones."""
+    """Names flags that the method does not heed."""
     taken, named = _TAKEN.get(method, given), method.value
     if device is Device.cuda and method is Method.hybrid:
         taken, named = _TAKEN_ON_DEVICE, f"{named} with --device cuda"
     for flag in given:
         if flag not in taken:
             methods = "bisect and hybrid" if flag in _TAKEN[Method.hybrid] else "bisect"
-            warnings.warn(
-                f"{flag} has no effect: it is for --method {methods}, not {named}", stacklevel=2
-            )
+            warn_no_effect(flag, f"it is for --method {methods}, not {named}")
 
 
 def _write(output: Path, mesh: Mesh, clusters: Clusters) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
 from umbel.cli.options import Traversal, file_to_keep, option
 from umbel.cli.outputs import check_output
-from umbel.cli.run import Json, Threads, ends_cleanly, heard, show
+from umbel.cli.run import Json, Threads, ends_cleanly, heard, show, warn_no_effect
 from umbel.cli.structures import FLAGS, Compact, Costs, DropInvalid, parse_cost, ray_speeds
 
 
@@ -44,6 +44,10 @@ def command(
     if output is not None:
         check_output(output, ".umkd", inputs=[source])
     costs = parse_cost(cost)
+    if bins is not None and builder == "exact":
+        warn_no_effect("--bins", "it is for --builder binned, not exact")
+    if ropes and traversal not in (None, Traversal.ropes):
+        warn_no_effect("--ropes", f"--traversal {traversal.value} is given")
 
     from umbel.accel.kdtree import KdTree
     from umbel.cli.progress import Bar

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from umbel.cli import Stopped
 from umbel.cli.options import option, switch
 from umbel.cli.outputs import check_folder
-from umbel.cli.run import Json, Threads, ends_cleanly, fail, say, show
+from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, say, show, warn_no_effect
 
 
 @ends_cleanly()
@@ -33,10 +33,14 @@ def command(
     if "://" in path:
         fail(f"{path}: the viewer shows files on this machine; download the asset first")
     if export is not None:
+        for flag, is_given in (("--port", port != 0), ("--no-browser", no_browser)):
+            if is_given:
+                warn_no_effect(flag, "with --export nothing is served")
         check_folder(export.absolute().parent, f"{export}: ")
         index = export_viewer(path, export)
-        result = {"input": path, "output": str(export), "folder": str(export)}
-        show(result | {"index": str(index), "serve": serving_command(export)}, as_json, path)
+        result: dict[str, Any] = {"input": path, "output": str(export), "folder": str(export)}
+        result |= {"index": str(index), "serve": serving_command(export)}
+        show({**result, "warnings": heard}, as_json, path)
         return
     try:
         shown = view(path, port=port)

@@ -40,3 +40,22 @@ def test_build_takes_bits_of_attributes_and_costs_of_clusters(
         done = umbel_command("build", blob_ply, "-o", tmp_path / "no.umbel", *wrong, "--json")
         assert done.status == 1 and done.json["error"].count(wrong[0]) == 1
         assert not (tmp_path / "no.umbel").exists()
+
+
+def test_flags_that_a_build_does_not_heed_are_named(
+    umbel_command: Umbel, small_ply: Path, tmp_path: Path
+) -> None:
+    one = ("build", small_ply, "-o", tmp_path / "out.umbel", "--json")
+    flags = ("--jobs", 2, "--keep-going", "--attributes", "none", "--seams", "protect")
+    done = umbel_command(*one, *flags, "--uv-bits", 12)
+    nothing = "with --attributes none nothing is left that it is for"
+    assert done.json["warnings"] == [
+        "--jobs has no effect: it is for several assets",
+        "--keep-going has no effect: it is for several assets",
+        f"--seams has no effect: {nothing}",
+        f"--uv-bits has no effect: {nothing}",
+    ]
+    done = umbel_command(*one, "--seams", "protect", "--uv-bits", 12)
+    assert done.status == 0 and done.json["warnings"] == [] and done.err == ""
+    many = ("build", small_ply, "-o", f"{tmp_path}/", "--jobs", 2, "--keep-going")
+    assert "no effect" not in umbel_command(*many).err
