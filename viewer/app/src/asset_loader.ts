@@ -32,22 +32,20 @@ export class AssetLoader {
       const before = this.lost.size;
       if (isLost) this.lost.set(mesh, source);
       else this.lost.delete(mesh);
-      if (this.lost.size > 0) this.showLost();
-      else if (before > 0) this.notice.show("The connection is back.");
+      this.showLost();
+      if (this.lost.size === 0 && before > 0) this.notice.show("The connection is back.");
     };
     return mesh;
   }
 
   /** Reports on these meshes from now on, and no longer on those before. */
   setMeshes(meshes: Meshes): void {
-    const isGone = this.meshes.some((mesh) => mesh && !meshes.includes(mesh));
+    for (const mesh of this.meshes)
+      if (mesh && !meshes.includes(mesh)) this.notice.keep(mesh, undefined);
     if (meshes[0] !== this.meshes[0]) this.notes.clear();
     this.meshes = [...meshes];
     for (const mesh of this.lost.keys()) if (!meshes.includes(mesh)) this.lost.delete(mesh);
-    if (isGone) {
-      this.notice.end();
-      if (this.lost.size > 0) this.showLost();
-    }
+    this.showLost();
     this.showNotes();
   }
 
@@ -56,7 +54,7 @@ export class AssetLoader {
     const text = isLocal
       ? "The file can no longer be read: was it moved or changed? Open it again."
       : "The connection is lost. Trying again …";
-    this.notice.show(text, true);
+    this.notice.keep(this, this.lost.size > 0 ? text : undefined);
   }
 
   /** Lists what is not shown in the panel, and reports what is new. */

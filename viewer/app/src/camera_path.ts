@@ -37,6 +37,7 @@ export class CameraPath {
   startReplay(): void {
     if (this.isEmpty) return;
     this.start = 0;
+    this.isRecording = false;
     this.isReplaying = true;
   }
 

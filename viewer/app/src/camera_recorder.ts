@@ -18,16 +18,14 @@ export class CameraRecorder {
     if (this.path.isRecording) {
       this.path.stop();
       this.notice.show(this.path.isEmpty ? "Nothing moved." : "Recorded. P replays it.");
-    } else {
-      this.path.startRecording();
-      this.notice.show("Recording: move the camera. R ends it.", true);
-    }
+    } else this.path.startRecording();
     this.updatePanel();
   }
 
   toggleReplay(): void {
     if (this.path.isReplaying) this.path.stop();
     else this.path.startReplay();
+    this.updatePanel();
   }
 
   stopReplay(): void {
@@ -58,6 +56,8 @@ export class CameraRecorder {
   }
 
   private updatePanel(): void {
+    const text = "Recording: move the camera. R ends it.";
+    this.notice.keep(this, this.path.isRecording ? text : undefined);
     this.panel.setPath(this.path.isRecording, !this.path.isEmpty);
   }
 }

@@ -105,9 +105,8 @@ export class Viewer {
       if (picked && !meshes.includes(picked.mesh)) this.deselect();
     };
     this.viewport.onContext = (isLost) => {
-      if (isLost)
-        this.notice.show("The browser took the GPU away: the picture waits for it.", true);
-      else this.notice.hide();
+      const text = "The browser took the GPU away: the picture waits for it.";
+      this.notice.keep(this.viewport, isLost ? text : undefined);
     };
     this.viewport.beforeFrame = (time) => this.recorder.beforeFrame(time, this.viewport.camera);
     this.listen(host, actions);
@@ -194,7 +193,7 @@ export class Viewer {
     const opening = ++this.openings;
     this.preview = preview;
     this.error.hide();
-    this.notice.hide();
+    this.notice.end();
     this.deselect();
     this.title.replaceChildren(h("h1", { textContent: nameOf(source) }), h("p", {}, "Opening …"));
     this.progress.begin();
@@ -326,7 +325,7 @@ export class Viewer {
     this.reportedDamage.set(mesh, damaged);
     const pages = damaged === 1 ? "A page" : `${damaged} pages`;
     const file = mesh === this.viewport.meshes[0] ? "the file" : "the file on the right";
-    this.notice.show(`${pages} of ${file} did not arrive whole: it stays coarse there.`, true);
+    this.notice.keep(mesh, `${pages} of ${file} did not arrive whole: it stays coarse there.`);
   }
 
   private holdFrameRate(interval: number): void {

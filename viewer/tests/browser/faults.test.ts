@@ -171,6 +171,31 @@ test("a lost GPU is reported, and the picture comes back with it", async ({ page
   expect(await differentPixels(page, before, await canvasPicture(page))).toBeLessThan(0.002);
 });
 
+test("a lost connection stays reported after a lost GPU and short notices", async ({
+  page,
+  host,
+}) => {
+  await page.goto(`${host.url}${PLANET}#pixels=32`);
+  await settled(page);
+  host.status = 403;
+  await slide(page, "#pixels", 0.2);
+  const notice = page.locator(".notice.shown");
+  await expect(notice).toContainText("The connection is lost");
+  const extension = await page.evaluateHandle(() =>
+    globalThis.umbelViewer?.viewport.renderer.getContext().getExtension("WEBGL_lose_context"),
+  );
+  await extension.evaluate((context) => context?.loseContext());
+  await expect(notice).toContainText("took the GPU away");
+  await extension.evaluate((context) => context?.restoreContext());
+  await expect(notice).toContainText("The connection is lost");
+  await page.locator("#share").click();
+  await expect(notice).toContainText("ink");
+  await expect(notice).toContainText("The connection is lost");
+  host.status = undefined;
+  await expect(notice).toContainText("The connection is back");
+  await expect(notice).toHaveCount(0);
+});
+
 test("a page that did not load whole can be loaded again", async ({ page, host }) => {
   await page.route(/\/viewer-[^/]*\.js$/, (route) => route.abort(), { times: 1 });
   await page.goto(`${host.url}${PLANET}#pixels=32`);

@@ -66,27 +66,44 @@ export class ErrorCard {
   }
 }
 
-/** A line at the bottom of the page; it disappears by itself unless `stays`. */
+/** A line at the bottom of the page: the latest short message, then the latest that stays. */
 export class Notice {
   readonly element = h("div", { className: "notice", role: "status" });
   private timer = 0;
-  private stays = false;
+  private short: string | undefined;
+  /** By what they are about. */
+  private readonly staying = new Map<unknown, string>();
 
-  show(text: string, stays = false): void {
+  /** Shows a line for some seconds. */
+  show(text: string): void {
     clearTimeout(this.timer);
-    this.stays = stays;
-    this.element.textContent = text;
-    this.element.classList.add("shown");
-    if (!stays) this.timer = window.setTimeout(() => this.hide(), 3500);
+    this.timer = window.setTimeout(() => this.end(), 3500);
+    this.short = text;
+    this.update();
   }
 
-  hide(): void {
-    this.element.classList.remove("shown");
+  /** Shows a line about something until there is another one, or none (undefined). */
+  keep(about: unknown, text: string | undefined): void {
+    if (text === this.staying.get(about)) return;
+    this.staying.delete(about);
+    if (text !== undefined) {
+      this.staying.set(about, text);
+      this.short = undefined;
+    }
+    this.update();
   }
 
-  /** Hides a line that would stay. */
+  /** Hides a short line. */
   end(): void {
-    if (this.stays) this.hide();
+    clearTimeout(this.timer);
+    this.short = undefined;
+    this.update();
+  }
+
+  private update(): void {
+    const text = this.short ?? [...this.staying.values()].at(-1);
+    this.element.classList.toggle("shown", text !== undefined);
+    if (text !== undefined) this.element.textContent = text;
   }
 }
 

@@ -11,6 +11,16 @@ test("paths of files are read", () => {
   expect(path.toFile().keys).toEqual(KEYS);
 });
 
+test("a replay ends the recording", () => {
+  const path = new CameraPath();
+  path.startRecording();
+  for (const [i, { position, target }] of KEYS.entries())
+    path.record(1000 + 100 * i, { position: [0, 0, position[2]], target: [0, 0, target[2]] });
+  path.startReplay();
+  expect([path.isRecording, path.isReplaying]).toEqual([false, true]);
+  expect(path.toFile().keys.map(({ time }) => time)).toEqual([0, 100]);
+});
+
 test.each([
   null,
   [],
