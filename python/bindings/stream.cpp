@@ -2,6 +2,7 @@
 #include "umbel/stream.hpp"
 
 #include <nanobind/stl/vector.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <ctime>
@@ -55,12 +56,28 @@ struct PythonResidency : AssetUser, Residency {
         Residency(asset, config, make_model_loader(asset, link, time)),
         clock(std::move(time)) {}
   PythonResidency(const PythonResidency&) = delete;
-  ~PythonResidency() { end(); }
+  ~PythonResidency() {
+    end();
+    // The loader's threads are not in a forked process, so nothing there can wait for them.
+    if (is_forked()) static_cast<void>(new Residency(std::move(static_cast<Residency&>(*this))));
+  }
   void end() {
-    alone([&] { close(); });
+    if (!is_forked()) AssetUser::alone([&] { close(); });
+  }
+  template <typename Use>
+  auto alone(const Use& use) const {
+    if (is_forked())
+      throw Error(ErrorCode::kInvalidArgument,
+                  "this residency was made before the process was forked, and its threads are not "
+                  "in this process: make another one here");
+    return AssetUser::alone(use);
   }
 
   std::shared_ptr<double> clock;
+
+ private:
+  bool is_forked() const { return process_ != getpid(); }
+  pid_t process_ = getpid();
 };
 
 double processor_seconds() {

@@ -218,6 +218,27 @@ def test_a_program_may_end_while_pages_load(folder: Path) -> None:
     assert run(code, folder / "a.umbel") == "True\n"
 
 
+def test_a_forked_process_refuses_a_residency_and_ends(folder: Path) -> None:
+    code = (
+        "import os\n"
+        "asset = umbel.Asset(sys.argv[1])\n"
+        "residency = umbel.Residency(asset)\n"
+        "residency.step([0.0])\n"
+        "child = os.fork()\n"
+        "if child == 0:\n"
+        "    try:\n"
+        "        residency.step([0.0])\n"
+        "    except umbel.Error as error:\n"
+        "        print('forked' in str(error), flush=True)\n"
+        "    residency.close()\n"
+        "    umbel.Residency(asset).step([0.0])\n"
+        "else:\n"
+        "    print(os.waitpid(child, 0)[1])\n"
+        "    residency.step([0.0])\n"
+    )
+    assert run(code, folder / "a.umbel") == "True\n0\n"
+
+
 def test_residency_over_a_server_comes_to_the_ideal_cut(server: str) -> None:
     pytest.importorskip("aiohttp")
     asset = umbel.Asset(f"{server}/a.umbel")
