@@ -85,6 +85,14 @@ const lod::Tables& tables_of(const Asset& asset, uint32_t mesh) {
   return asset.tables(mesh);
 }
 
+/// They keep the asset's object where the collector sees it.
+nb::typed<nb::object, lod::Tables> tables_object(nb::handle_t<Asset> asset, uint32_t mesh) {
+  nb::object tables =
+      nb::cast(tables_of(nb::cast<const Asset&>(asset), mesh), nb::rv_policy::reference);
+  tables.attr("asset") = asset;
+  return nb::borrow<nb::typed<nb::object, lod::Tables>>(tables);
+}
+
 Array<float> transforms_of(const Asset& asset) {
   std::vector<std::array<float, 12>> rows;
   for (const Instance& instance : asset.instances()) rows.push_back(instance.transform.rows);
@@ -298,10 +306,8 @@ void bind_asset(nb::module_& module) {
       .def("view_for_triangles", &find_view, "view"_a, "triangles"_a, "meshes"_a, "transforms"_a)
       .def("found_mesh", &mesh_of_found, "found"_a)
       .def("summaries", &summaries_of, "progress"_a = nb::none())
-      .def_prop_ro(
-          "tables", [](const Asset& asset) -> const lod::Tables& { return tables_of(asset, 0); },
-          nb::rv_policy::reference_internal)
-      .def("mesh_tables", &tables_of, "mesh"_a = 0, nb::rv_policy::reference_internal)
+      .def_prop_ro("tables", [](nb::handle_t<Asset> asset) { return tables_object(asset, 0); })
+      .def("mesh_tables", &tables_object, "mesh"_a = 0)
       .def(
           "geometry",
           [](const Asset& asset, uint32_t cluster, uint32_t mesh) {

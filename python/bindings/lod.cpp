@@ -101,7 +101,8 @@ Array<const uint32_t> words_in(nb::handle_t<lod::Tables> self) {
 void bind_tables(nb::module_& module) {
   using lod::Tables;
   using Words = nb::ndarray<const uint32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-  nb::class_<Tables>(module, "Tables", "All that selection needs, without geometry.")
+  nb::class_<Tables>(module, "Tables", "All that selection needs, without geometry.",
+                     nb::dynamic_attr())
       .def(
           "__init__",
           [](Tables* self, const Words& levels, const Words& groups, const Words& clusters,

@@ -156,17 +156,25 @@ class HeldFile(io.FileIO):
 
 
 def test_files_that_hold_what_reads_them_are_freed(folder: Path) -> None:
-    def ring(has_residency: bool) -> weakref.ref[HeldFile]:
+    def ring(has_residency: bool, has_tables: bool) -> weakref.ref[HeldFile]:
         file = HeldFile(folder / "a.umbel")
         file.asset = umbel.Asset(file)
         if has_residency:
             file.residency = umbel.Residency(file.asset)
             file.residency.step([0.0])
+        if has_tables:
+            file.tables = file.asset.tables
         return weakref.ref(file)
 
-    rings = [ring(has_residency) for has_residency in (False, True)]
+    rings = [ring(*has) for has in ((False, False), (True, False), (False, True), (True, True))]
     gc.collect()
-    assert [file() for file in rings] == [None, None]
+    assert [file() for file in rings] == [None] * 4
+
+
+def test_tables_outlive_their_asset(folder: Path) -> None:
+    clusters = umbel.Asset(HeldFile(folder / "a.umbel")).tables.clusters
+    gc.collect()
+    assert np.array_equal(clusters, umbel.Asset(folder / "a.umbel").tables.clusters)
 
 
 def run(code: str, path: Path, timeout: float = 60) -> str:
