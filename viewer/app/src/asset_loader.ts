@@ -7,6 +7,9 @@ import type { Notice } from "./ui/messages";
 import type { Panel } from "./ui/panel";
 import type { Meshes } from "./viewport/viewport";
 
+/** What notices about failures that may pass are about. */
+const MEMORY = "memory";
+
 export class AssetLoader {
   /** The meshes that are shown. */
   private meshes: Meshes = [undefined, undefined];
@@ -28,6 +31,7 @@ export class AssetLoader {
     // It may have been changed in the meantime.
     if (stream.budget !== this.state.budget) mesh.setBudget(this.state.budget);
     mesh.materials.onNote = () => this.showNotes();
+    mesh.onError = (error) => this.notice.keep(MEMORY, error.message);
     mesh.onConnection = (isLost) => {
       const before = this.lost.size;
       if (isLost) this.lost.set(mesh, source);
@@ -47,6 +51,12 @@ export class AssetLoader {
     for (const mesh of this.lost.keys()) if (!meshes.includes(mesh)) this.lost.delete(mesh);
     this.showLost();
     this.showNotes();
+  }
+
+  /** To be called with each frame. */
+  update(): void {
+    if (this.meshes.every((mesh) => mesh?.isCutSettled ?? true))
+      this.notice.keep(MEMORY, undefined);
   }
 
   private showLost(): void {

@@ -316,6 +316,7 @@ export class Viewer {
     if (counts.triangles > 0) this.removePreview();
     if (this.state.frameRate > 0) this.holdFrameRate(counts.interval);
     this.progress.update(counts, this.viewport.meshes);
+    this.loader.update();
     for (const mesh of this.viewport.meshes) if (mesh) this.reportDamage(mesh);
   }
 

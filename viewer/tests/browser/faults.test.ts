@@ -1,4 +1,5 @@
 import { writeFileSync } from "node:fs";
+import type { Page } from "@playwright/test";
 import { assetBytes } from "../support/assets.js";
 import { loadAsset } from "../support/loaded_asset.js";
 import {
@@ -202,6 +203,66 @@ test("a page that did not load whole can be loaded again", async ({ page, host }
   await expect(page.getByRole("alert")).toContainText("The viewer did not start");
   await page.getByRole("button", { name: "Try again" }).click();
   await settled(page);
+});
+
+/** Puts code before the worker's. */
+async function runInWorker(page: Page, code: string): Promise<void> {
+  await page.route(/\/stream_worker-[^/]*\.js$/, async (route) => {
+    const response = await route.fetch();
+    await route.fulfill({ response, body: `${code}\n${await response.text()}` });
+  });
+}
+
+test("a worker without memory is reported, and goes on once there is some", async ({
+  page,
+  host,
+}) => {
+  await runInWorker(
+    page,
+    `const end = performance.now() + 6000;
+    globalThis.Int32Array = new Proxy(Int32Array, {
+      construct(type, args) {
+        if (performance.now() < end && args[0] > 5000)
+          throw new RangeError("Array buffer allocation failed");
+        return Reflect.construct(type, args);
+      },
+    });`,
+  );
+  await page.goto(`${host.url}${PLANET}#pixels=1`);
+  await expect(page.locator(".notice.shown")).toContainText("The browser has no memory left");
+  await settled(page);
+  expect((await statistics(page)).damagedPages).toBe(0);
+  await expect(page.locator(".notice.shown")).toHaveCount(0);
+});
+
+test("a page without memory is reported, and goes on once there is some", async ({
+  page,
+  host,
+}) => {
+  await page.addInitScript(() => {
+    const end = performance.now() + 6000;
+    globalThis.Uint32Array = new Proxy(Uint32Array, {
+      construct(type, args) {
+        if (performance.now() < end && args[0] > 10_000)
+          throw new RangeError("Array buffer allocation failed");
+        return Reflect.construct(type, args);
+      },
+    });
+  });
+  await page.goto(`${host.url}${PLANET}#pixels=1`);
+  await expect(page.locator(".notice.shown")).toContainText("The browser has no memory left");
+  await settled(page);
+  expect((await measureCanvas(page)).covered).toBeGreaterThan(0.1);
+});
+
+test("errors of the worker that nothing expects are reported", async ({ page, host }) => {
+  for (const failure of ["throw", "void Promise.reject"]) {
+    await page.unrouteAll();
+    await runInWorker(page, `setTimeout(() => { ${failure}(new Error("a defect")); }, 3000);`);
+    await page.goto("about:blank");
+    await page.goto(`${host.url}${PLANET}#pixels=32`);
+    await expect(page.locator(".notice")).toContainText("a defect");
+  }
 });
 
 test("a browser without WebGL 2 gets a message", async ({ page, host }) => {

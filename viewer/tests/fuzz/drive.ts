@@ -93,7 +93,7 @@ function makeMaterials(header: FileHeader): void {
 async function stream(file: Uint8Array): Promise<void> {
   const source = new BlobSource(new Blob([file as Uint8Array<ArrayBuffer>]));
   let updates = 0;
-  const listener = { update: () => void ++updates, connection: () => {} };
+  const listener = { update: () => void ++updates, connection: () => {}, failed: () => {} };
   let streamer: Streamer;
   try {
     streamer = await Streamer.open(source, { budget: 1 << 19 }, listener);

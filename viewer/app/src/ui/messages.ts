@@ -30,6 +30,7 @@ const TITLES: Record<string, string> = {
   "not-umbel": "Not an .umbel file",
   version: "Another version",
   corrupt: "Damaged file",
+  memory: "No memory left",
 };
 
 /** The title of a kind of UmbelError. */

@@ -7,6 +7,7 @@ export type UmbelErrorKind =
   | "not-umbel" // not an .umbel file
   | "version" // written by a newer major version
   | "corrupt" // an .umbel file, but its bytes contradict themselves
+  | "memory" // the browser has no memory left
   | "unsupported"; // the browser lacks something
 
 export class UmbelError extends Error {
@@ -21,4 +22,15 @@ export class UmbelError extends Error {
 
 export function corrupt(message: string): never {
   throw new UmbelError("corrupt", message);
+}
+
+/** The error of an allocation that failed; undefined for other errors. */
+export function memoryError(error: unknown): UmbelError | undefined {
+  if (error instanceof UmbelError) return error.kind === "memory" ? error : undefined;
+  // Browsers throw different errors, of which RangeError is also that of reads beyond the end.
+  if (!(error instanceof Error && /memory|alloc/i.test(error.message))) return undefined;
+  return new UmbelError(
+    "memory",
+    "The browser has no memory left for the asset. A smaller budget may help.",
+  );
 }

@@ -158,6 +158,20 @@ describe("the module", () => {
     expect(read(header, 0, bytes)).toEqual(expected);
   });
 
+  test.each([
+    () => new RangeError("WebAssembly.Instance(): Out of memory"),
+    () => new Error("out of memory"),
+  ])("may find no memory", async (error) => {
+    const { load, read } = await fresh();
+    await load(CODE);
+    const instance = vi.fn(function made() {
+      throw error();
+    });
+    vi.stubGlobal("WebAssembly", Object.create(WebAssembly, { Instance: { value: instance } }));
+    expect(read(header, 0, bytes)).toEqual(expected);
+    expect(instance).toHaveBeenCalled();
+  });
+
   test("may be unknown to the browser", async () => {
     const { load, read } = await fresh();
     vi.stubGlobal("WebAssembly", undefined);

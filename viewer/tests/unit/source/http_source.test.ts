@@ -134,6 +134,29 @@ describe("an HTTP source", () => {
     expect(states).toEqual([true, false]);
   });
 
+  test("says that a whole file finds no memory, where a host has no ranges", async () => {
+    const states: boolean[] = [];
+    const answer = new Response(BYTES, { headers: { "Content-Length": String(2 ** 40) } });
+    vi.stubGlobal(
+      "Uint8Array",
+      new Proxy(Uint8Array, {
+        construct: (type, [size, ...rest]) => {
+          if (size === 2 ** 31) throw new RangeError("Array buffer allocation failed");
+          return Reflect.construct(type, [size, ...rest]);
+        },
+      }),
+    );
+    const source = new HttpSource(URL, {
+      fetch: async () => answer,
+      onConnection: (isLost) => states.push(isLost),
+    });
+    await expect(source.read(0, 3)).rejects.toMatchObject({
+      kind: "memory",
+      message: expect.stringContaining("no HTTP ranges"),
+    });
+    expect(states).toEqual([]);
+  });
+
   test.each([
     [404, "missing", 1],
     [401, "refused", 1],

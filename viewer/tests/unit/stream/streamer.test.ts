@@ -1,4 +1,4 @@
-import { describe, expect, test } from "vitest";
+import { describe, expect, test, vi } from "vitest";
 import { UmbelError } from "../../../packages/umbel/src/errors.js";
 import { cameraView, type View } from "../../../packages/umbel/src/select/select.js";
 import { BlobSource, type ByteSource } from "../../../packages/umbel/src/source/source.js";
@@ -78,6 +78,10 @@ class Watched {
   }
 
   connection(): void {}
+
+  failed(error: UmbelError): void {
+    this.problems.push(error.message);
+  }
 
   get last(): StreamStatistics {
     return this.updates[this.updates.length - 1].statistics;
@@ -375,3 +379,33 @@ test.each(["planet", "forest"])("does not press a server that refuses %s", async
   expect(source.requests).toBeGreaterThan(1);
   expect(source.requests).toBeLessThanOrEqual(1 + 6);
 });
+
+test("reports that memory is short, and goes on without what finds none", async () => {
+  const watched = await Watched.open(new MemorySource(FILE), HUGE);
+  let isShort = false;
+  vi.stubGlobal(
+    "Int32Array",
+    new Proxy(Int32Array, {
+      construct: (type, [size, ...rest]) => {
+        if (isShort && size > 5000) throw new RangeError("Array buffer allocation failed");
+        return Reflect.construct(type, [size, ...rest]);
+      },
+    }),
+  );
+  try {
+    const view = cameraView(NEAR, 0.8, 800, 2);
+    watched.streamer.setViews(viewsOf(view));
+    await watched.until((s) => s.triangles > 0);
+    isShort = true;
+    await watched.until(() => watched.problems.length > 0);
+    isShort = false;
+    expect(new Set(watched.problems)).toEqual(
+      new Set(["The browser has no memory left for the asset. A smaller budget may help."]),
+    );
+    expect(watched.last.damagedPages).toBe(0);
+    await watched.until((s) => s.isSettled && s.missingPages === 0);
+    expect(watched.cut).toEqual(select(PLANET, view));
+  } finally {
+    vi.unstubAllGlobals();
+  }
+}, 15_000);

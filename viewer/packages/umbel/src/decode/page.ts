@@ -1,7 +1,7 @@
 // Decodes a page of an .umbel file: the records and the geometry of some groups, as docs/format.md
 // specifies under "Page".
 
-import { corrupt, UmbelError } from "../errors.js";
+import { corrupt, memoryError, UmbelError } from "../errors.js";
 import type { FileHeader } from "../format/file_header.js";
 import { GROUP_ROW, PAGE_HEADER } from "../format/tables.js";
 import { hasChecksum } from "../format/xxh64.js";
@@ -39,6 +39,8 @@ export function readPage(
     });
   } catch (error) {
     if (error instanceof UmbelError) throw error;
+    const noMemory = memoryError(error);
+    if (noMemory) throw noMemory;
     if (error instanceof RangeError) corrupt(`Page ${page} of the file ends too early.`);
     throw error;
   }

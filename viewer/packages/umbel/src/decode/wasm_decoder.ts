@@ -155,10 +155,9 @@ export function decodeClusters(
       rows: new Int32Array(memory, base + rowsAt, stride * vertexCount),
       stride,
     };
-  } catch (error) {
+  } catch {
+    // A trap of the module, or no room for its memory, for which browsers have several errors.
     instance = undefined;
-    // A trap of the module, or no room for its memory.
-    if (error instanceof WebAssembly.RuntimeError || error instanceof RangeError) return undefined;
-    throw error;
+    return undefined;
   }
 }

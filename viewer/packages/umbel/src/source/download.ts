@@ -1,5 +1,7 @@
 // A download of a whole file, from a server without HTTP ranges.
 
+import { UmbelError } from "../errors.js";
+
 /** Reads wait until their bytes have arrived. */
 export class Download {
   private bytes: Uint8Array;
@@ -13,7 +15,7 @@ export class Download {
     private readonly count: (bytes: number) => void,
   ) {
     const length = Number(response.headers.get("Content-Length") ?? 0);
-    this.bytes = new Uint8Array(Math.min(Math.max(length, 1 << 16), 2 ** 31));
+    this.bytes = allocated(Math.min(Math.max(length, 1 << 16), 2 ** 31));
     this.run(response);
   }
 
@@ -31,7 +33,7 @@ export class Download {
 
   private append(part: Uint8Array): void {
     if (this.size + part.length > this.bytes.length) {
-      const larger = new Uint8Array(Math.max(2 * this.bytes.length, this.size + part.length));
+      const larger = allocated(Math.max(2 * this.bytes.length, this.size + part.length));
       larger.set(this.bytes.subarray(0, this.size));
       this.bytes = larger;
     }
@@ -54,5 +56,16 @@ export class Download {
       });
     if (this.error !== undefined && this.size < offset + length) throw this.error;
     return this.bytes.slice(offset, Math.min(offset + length, this.size));
+  }
+}
+
+function allocated(bytes: number): Uint8Array<ArrayBuffer> {
+  try {
+    return new Uint8Array(bytes);
+  } catch {
+    throw new UmbelError(
+      "memory",
+      "The server has no HTTP ranges, and the browser has no memory for the whole file.",
+    );
   }
 }

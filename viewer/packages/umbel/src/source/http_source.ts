@@ -46,10 +46,10 @@ export class HttpSource implements ByteSource {
         this.report(false);
         return bytes;
       } catch (error) {
-        if (this.aborter.signal.aborted) throw asUmbelError(error, this.url);
+        const known = asUmbelError(error, this.url);
+        if (this.aborter.signal.aborted || known.kind === "memory") throw known;
         this.report(true);
-        const isRefused = error instanceof UmbelError && error.kind !== "network";
-        if (isRefused || attempt === retries) throw asUmbelError(error, this.url);
+        if (known.kind !== "network" || attempt === retries) throw known;
         this.download = undefined;
         await new Promise((resolve) => setTimeout(resolve, delay * 2 ** Math.min(attempt, 5)));
       }

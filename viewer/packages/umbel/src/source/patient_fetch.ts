@@ -1,6 +1,6 @@
 // Fetches by HTTP: a request fails when nothing has arrived for a while, and failures are UmbelErrors.
 
-import { UmbelError } from "../errors.js";
+import { memoryError, UmbelError } from "../errors.js";
 
 /** Milliseconds without a byte after which a request fails. */
 const PATIENCE = 15_000;
@@ -61,6 +61,8 @@ export async function readWhole(url: string, options: FetchOptions = {}): Promis
 /** The error of a request that failed. */
 export function asUmbelError(error: unknown, url: string): UmbelError {
   if (error instanceof UmbelError) return error;
+  const noMemory = memoryError(error);
+  if (noMemory) return noMemory;
   // Browsers do not tell a page which of the two it is.
   const reason = isOther(url) ? ", or it does not let this page read the file (CORS)" : "";
   return new UmbelError("network", `The connection to ${hostOf(url)} was lost${reason}.`);

@@ -1,6 +1,6 @@
 // Streams a tree of instances: its nodes, then the pages of placements that the view needs.
 
-import { UmbelError } from "../errors.js";
+import { memoryError, UmbelError } from "../errors.js";
 import { type FileHeader, NONE } from "../format/file_header.js";
 import { type InstanceTables, readInstanceNodes, readPlacements } from "../format/instance_tree.js";
 import type { MeshEntry } from "../format/tables.js";
@@ -52,14 +52,14 @@ export class InstanceStream {
 
   /**
    * @param read reads bytes of the file
-   * @param onChange is called when something has arrived; `isLost`: a request failed
+   * @param onChange is called when something has arrived, or with the error of a request
    */
   constructor(
     private readonly header: FileHeader,
     private budget: number,
     private readonly read: (begin: number, length: number) => Promise<Uint8Array>,
     private readonly spare: SpareBytes,
-    private readonly onChange: (isLost: boolean) => void,
+    private readonly onChange: (failure?: UmbelError) => void,
   ) {
     this.tables = header.tree as InstanceTables;
   }
@@ -133,7 +133,7 @@ export class InstanceStream {
       this.step?.missing.filter((node) => !this.busy.has(node) && !this.damagedNodes.has(node)) ??
       [];
     const open = new Set(wanted.filter((node) => !this.addSpare(node)));
-    if (open.size < wanted.length) this.onChange(false);
+    if (open.size < wanted.length) this.onChange();
     for (const node of wanted) {
       if (this.requests >= limit) return;
       if (open.has(node)) void this.fetch(this.requestFor(node, open));
@@ -153,7 +153,7 @@ export class InstanceStream {
     const { offset, count, stride } = tables.nodes;
     this.isReadingNodes = true;
     ++this.requests;
-    let isLost = false;
+    let failure: UmbelError | undefined;
     try {
       const bytes = await this.read(offset, count * stride);
       const nodes = readInstanceNodes(bytes, tables, header.instances.length);
@@ -164,15 +164,16 @@ export class InstanceStream {
       }));
       this.selector = new InstanceSelector(nodes, meshes, header.instances, SHARE * this.budget);
     } catch (error) {
-      if (!(error instanceof UmbelError)) throw error;
-      isLost = error.kind !== "corrupt";
-      this.isDamaged = !isLost;
-      if (!isLost) ++this.damaged;
+      const known = memoryError(error) ?? error;
+      if (!(known instanceof UmbelError)) throw error;
+      this.isDamaged = known.kind === "corrupt";
+      if (this.isDamaged) ++this.damaged;
+      else failure = known;
     } finally {
       this.isReadingNodes = false;
       --this.requests;
     }
-    this.onChange(isLost);
+    this.onChange(failure);
   }
 
   /** The node's page, with wanted ones near it in the file, by rising offset; they leave `open`. */
@@ -205,7 +206,7 @@ export class InstanceStream {
     const begin = offset[first];
     for (const node of run) this.busy.add(node);
     ++this.requests;
-    let isLost = false;
+    let failure: UmbelError | undefined;
     try {
       const bytes = await this.read(begin, offset[last] + size[last] - begin);
       this.spare.keep(begin, bytes, this.skippedBy(run));
@@ -214,13 +215,13 @@ export class InstanceStream {
         this.addPage(node, bytes.subarray(at, at + size[node]));
       }
     } catch (error) {
-      if (!(error instanceof UmbelError)) throw error;
-      isLost = true;
+      failure = memoryError(error) ?? (error as UmbelError);
+      if (!(failure instanceof UmbelError)) throw error;
       for (const node of run) this.busy.delete(node);
     } finally {
       --this.requests;
     }
-    this.onChange(isLost);
+    this.onChange(failure);
   }
 
   /** Offset and size of pages that a request reads beside those that are wanted. */

@@ -141,9 +141,10 @@ export class PageCache {
     return evicted ?? [];
   }
 
-  /** Gives a loading page up, for now or for good. */
+  /** Gives up a page that is loading or has just been stored, for now or for good. */
   fail(page: number, forGood: boolean): void {
-    if (this.state[page] === LOADING) this.bytes -= this.pageBytes[page];
+    if (this.state[page] === LOADING || this.state[page] === RESIDENT)
+      this.bytes -= this.pageBytes[page];
     this.setState(page, forGood ? DAMAGED : ABSENT);
   }
 

@@ -1,5 +1,6 @@
 // What a stream tells the page.
 
+import type { UmbelError } from "../errors.js";
 import type { RenderGroup } from "../pack/render_group.js";
 import type { InstanceRow } from "./instance_rows.js";
 
@@ -52,6 +53,8 @@ export interface StreamListener {
   update(update: StreamUpdate): void;
   /** The connection was lost, or is back. */
   connection(isLost: boolean): void;
+  /** Something failed that leaves parts coarse, at least for now: memory, mostly. */
+  failed(error: UmbelError): void;
 }
 
 export interface StreamOptions {

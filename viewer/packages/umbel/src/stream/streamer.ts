@@ -2,7 +2,7 @@
 // GPU with the clusters to draw. It runs in a worker, but does not depend on one.
 
 import { readPage } from "../decode/page.js";
-import { UmbelError } from "../errors.js";
+import { memoryError, UmbelError } from "../errors.js";
 import { type FileHeader, openingBytesOf, readFileHeader } from "../format/file_header.js";
 import { placeOf, readSlice } from "../format/page_table.js";
 import { FIXED_HEADER_SIZE, readFixedHeader } from "../format/sections.js";
@@ -85,9 +85,9 @@ export class Streamer {
         budget,
         (begin, length) => this.read(begin, length),
         this.spare,
-        (isLost) => {
+        (failure) => {
           this.needsTree = true;
-          if (isLost) this.retryLater();
+          if (failure) this.failed(failure);
           else this.schedule(true);
         },
       );
@@ -272,7 +272,7 @@ export class Streamer {
       if (this.isClosed) return;
       if (!(error instanceof UmbelError)) throw error;
       if (error.kind === "corrupt") this.damagedPages += this.residency.failedSlice(slice);
-      else this.retryLater();
+      else this.failed(error);
     } finally {
       --this.requests;
       this.openSlices.delete(slice);
@@ -280,8 +280,10 @@ export class Streamer {
     this.schedule(true);
   }
 
-  private retryLater(): void {
-    this.listener.connection(true);
+  /** Reports that something did not arrive, and requests nothing for a while. */
+  private failed(error: UmbelError): void {
+    if (error.kind === "memory") this.listener.failed(error);
+    else this.listener.connection(true);
     if (this.isWaiting) return;
     this.isWaiting = true;
     setTimeout(() => {
@@ -306,7 +308,7 @@ export class Streamer {
       if (this.isClosed) return;
       if (!(error instanceof UmbelError)) throw error;
       for (const page of run) this.residency.failed(page, false);
-      this.retryLater();
+      this.failed(error);
     } finally {
       --this.requests;
     }
@@ -330,11 +332,13 @@ export class Streamer {
       );
       this.removeGroups(evicted.filter((other) => other !== page));
       if (evicted.includes(page)) return;
-      for (const group of groups) this.added.push(packGroup(group, this.residency.dag));
+      this.added.push(...groups.map((group) => packGroup(group, this.residency.dag)));
     } catch (error) {
-      if (!(error instanceof UmbelError)) throw error;
-      ++this.damagedPages;
-      this.residency.failed(page, true);
+      const noMemory = memoryError(error);
+      if (!noMemory && !(error instanceof UmbelError)) throw error;
+      this.residency.failed(page, !noMemory);
+      if (noMemory) this.failed(noMemory);
+      else ++this.damagedPages;
     }
   }
 

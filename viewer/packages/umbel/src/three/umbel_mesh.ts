@@ -17,6 +17,7 @@ import {
   Vector3,
   type WebGLRenderer,
 } from "three";
+import { memoryError, type UmbelError } from "../errors.js";
 import type { AssetInfo } from "../stream/asset_info.js";
 import { boundsOf } from "../stream/bounds.js";
 import type { InstanceRow } from "../stream/instance_rows.js";
@@ -73,6 +74,8 @@ export class UmbelMesh extends Object3D {
   onMaterial: ((material: Material) => void) | undefined;
   /** Called when the connection is lost or back. */
   onConnection: ((isLost: boolean) => void) | undefined;
+  /** Called when parts stay coarse for a reason other than the connection, as for want of memory. */
+  onError: ((error: UmbelError) => void) | undefined;
   /** Called when something has arrived or changed, so that a new frame differs from the last. */
   onChange: (() => void) | undefined;
 
@@ -135,6 +138,7 @@ export class UmbelMesh extends Object3D {
         this.onChange?.();
       },
       connection: (isLost) => this.onConnection?.(isLost),
+      failed: (error) => this.onError?.(error),
     };
   }
 
@@ -264,11 +268,19 @@ export class UmbelMesh extends Object3D {
   }
 
   private applyUpdates(start: number): void {
-    const count = this.updates.apply(start, {
-      add: (group) => this.residents.add(group),
-      finish: (update) => this.finish(update),
-    });
-    const hasMoved = this.residents.compact();
+    let count = 0;
+    let hasMoved = false;
+    try {
+      count = this.updates.apply(start, {
+        add: (group) => this.residents.add(group),
+        finish: (update) => this.finish(update),
+      });
+      hasMoved = this.residents.compact();
+    } catch (error) {
+      const noMemory = memoryError(error);
+      if (!noMemory) throw error;
+      this.onError?.(noMemory);
+    }
     if (hasMoved || !this.updates.isEmpty) this.onChange?.();
     this.pauseIfBusy();
     if (count > 0 && this.tintFunction) this.paint();

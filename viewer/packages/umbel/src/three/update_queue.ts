@@ -56,8 +56,9 @@ export class UpdateQueue {
       const { added } = this.current;
       for (; this.uploaded < added.length; ++this.uploaded, ++groups) {
         if (groups > 0 && isLate()) return count;
-        this.waitingBytes -= bytesOf(added[this.uploaded]);
+        const bytes = bytesOf(added[this.uploaded]);
         target.add(added[this.uploaded]);
+        this.waitingBytes -= bytes;
       }
       target.finish(this.current);
       ++count;

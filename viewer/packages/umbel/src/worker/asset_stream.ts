@@ -13,8 +13,9 @@ export class AssetStream {
   /** Number of views and budgets so far; see StreamStatistics. */
   revision = 0;
   private currentListener: StreamListener | undefined;
-  /** Updates that arrived before a listener was set. */
+  /** What arrived before a listener was set. */
   private readonly earlyUpdates: StreamUpdate[] = [];
+  private earlyFailure: UmbelError | undefined;
   private readonly files = new Map<number, (answer: Uint8Array | UmbelError) => void>();
 
   private constructor(
@@ -45,12 +46,16 @@ export class AssetStream {
           worker.onerror = null;
           stream = new AssetStream(worker, data.info, address, options.budget);
           resolve(stream);
-        } else if (data.type === "failed") fail(new UmbelError(data.kind, data.message));
-        else if (data.type === "update") stream?.receive(data.update);
+        } else if (data.type === "failed") {
+          const error = new UmbelError(data.kind, data.message);
+          if (stream) stream.receiveFailure(error);
+          else fail(error);
+        }
+        if (data.type === "update") stream?.receive(data.update);
         else if (data.type === "file") stream?.receiveFile(data.index, data.bytes);
         else if (data.type === "unread")
           stream?.receiveFile(data.index, new UmbelError(data.kind, data.message));
-        else stream?.currentListener?.connection(data.isLost);
+        else if (data.type === "connection") stream?.currentListener?.connection(data.isLost);
       };
       send(worker, { type: "open", source: address ?? (source as Blob), options });
     });
@@ -60,6 +65,7 @@ export class AssetStream {
   set listener(listener: StreamListener) {
     this.currentListener = listener;
     for (const update of this.earlyUpdates.splice(0)) listener.update(update);
+    if (this.earlyFailure) listener.failed(this.earlyFailure);
   }
 
   private receive(update: StreamUpdate): void {
@@ -68,6 +74,11 @@ export class AssetStream {
       this.earlyUpdates.push(update);
       this.onPreviewUpdate?.(update);
     }
+  }
+
+  private receiveFailure(error: UmbelError): void {
+    if (this.currentListener) this.currentListener.failed(error);
+    else this.earlyFailure = error;
   }
 
   private receiveFile(index: number, answer: Uint8Array | UmbelError): void {

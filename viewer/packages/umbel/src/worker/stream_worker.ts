@@ -1,6 +1,6 @@
 // The worker's end of a stream: it fetches, decodes and selects, to keep the page's thread free.
 
-import { UmbelError, type UmbelErrorKind } from "../errors.js";
+import { memoryError, UmbelError, type UmbelErrorKind } from "../errors.js";
 import { buffersOf } from "../pack/render_group.js";
 import { HttpSource } from "../source/http_source.js";
 import { BlobSource } from "../source/source.js";
@@ -10,6 +10,11 @@ import type { FromWorker, ToWorker } from "./messages.js";
 
 interface WorkerScope {
   onmessage: ((event: MessageEvent<ToWorker>) => void) | null;
+  addEventListener(type: "error", listener: (event: ErrorEvent) => void): void;
+  addEventListener(
+    type: "unhandledrejection",
+    listener: (event: PromiseRejectionEvent) => void,
+  ): void;
   postMessage(message: FromWorker, transfer: Transferable[]): void;
 }
 const scope = globalThis as unknown as WorkerScope;
@@ -27,6 +32,7 @@ const listener: StreamListener = {
     send({ type: "update", update }, [...new Set(transfer)]);
   },
   connection: (isLost) => send({ type: "connection", isLost }),
+  failed: (error) => send({ type: "failed", ...failureOf(error) }),
 };
 
 let streamer: Streamer | undefined;
@@ -45,8 +51,9 @@ async function open(message: ToWorker & { type: "open" }): Promise<void> {
 }
 
 function failureOf(error: unknown): { kind: UmbelErrorKind; message: string } {
-  const kind = error instanceof UmbelError ? error.kind : "corrupt";
-  return { kind, message: String(error instanceof Error ? error.message : error) };
+  const known = memoryError(error) ?? error;
+  const kind = known instanceof UmbelError ? known.kind : "corrupt";
+  return { kind, message: String(known instanceof Error ? known.message : known) };
 }
 
 async function sendFile(from: Streamer, index: number, isUrgent: boolean): Promise<void> {
@@ -67,3 +74,9 @@ scope.onmessage = ({ data }) => {
   else if (data.type === "close") streamer?.close();
   else if (streamer) void sendFile(streamer, data.index, data.isUrgent);
 };
+
+// What nothing expects is reported too: otherwise the page would wait for ever.
+scope.addEventListener("error", ({ error }) => send({ type: "failed", ...failureOf(error) }));
+scope.addEventListener("unhandledrejection", ({ reason }) =>
+  send({ type: "failed", ...failureOf(reason) }),
+);

@@ -1,4 +1,4 @@
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import type { RenderGroup } from "../../../../packages/umbel/src/pack/render_group.js";
 import type { MeshInfo } from "../../../../packages/umbel/src/stream/asset_info.js";
 import type { Arena } from "../../../../packages/umbel/src/three/geometry/arena.js";
@@ -127,4 +127,24 @@ test("groups move together when buffers are larger than the budget", () => {
     );
     expect(group.positions.length).toBe(0);
   }
+});
+
+test("a group that finds no memory leaves no trace, and may be added later", () => {
+  const slots: number[] = [];
+  const groups = new ResidentGroups(
+    [MESH],
+    () => 1 << 22,
+    (count) => slots.push(count),
+    () => {},
+  );
+  const group = groupOf(0, 100);
+  const noMemory = () => {
+    throw new RangeError("Array buffer allocation failed");
+  };
+  vi.stubGlobal("Float32Array", new Proxy(Float32Array, { construct: noMemory }));
+  for (let attempt = 0; attempt < 3; ++attempt) expect(() => groups.add(group)).toThrow("failed");
+  vi.unstubAllGlobals();
+  groups.add(group);
+  expect(slots).toEqual([1, 1, 1, 1]);
+  expect(arenaOf(groups, 0).isEmpty).toBe(false);
 });

@@ -77,20 +77,29 @@ export class ResidentGroups {
     this.compactFor = undefined;
     this.vertices += group.positions.length / 3;
     this.triangles += group.indices.length / 3;
-    const slot = this.slots.allocate(group.clusterCount);
-    this.onSlots(slot + group.clusterCount);
-    let [arena, allocation] = this.allocate(group, slot);
-    if (!allocation) {
-      arena = this.newArena(group);
-      allocation = arena.put(group, slot);
-    }
+    const { arena, allocation } = this.place(group);
     const box = new Box3();
     for (let i = 0; i < group.clusterCount; ++i) box.union(boxOf(group, i));
     this.coarsestError = Math.max(this.coarsestError, ...group.generatingError);
-    const resident = { group, arena: arena as Arena, allocation: allocation as Allocation, box };
+    const resident = { group, arena, allocation, box };
     this.groups.set(group.group, resident);
     for (let i = 0; i < group.clusterCount; ++i)
       this.byCluster.set(group.firstCluster + i, resident);
+  }
+
+  private place(group: RenderGroup): { arena: Arena; allocation: Allocation } {
+    const slot = this.slots.allocate(group.clusterCount);
+    try {
+      this.onSlots(slot + group.clusterCount);
+      const placed = this.allocate(group, slot);
+      if (placed) return placed;
+      const arena = this.newArena(group);
+      return { arena, allocation: arena.put(group, slot) as Allocation };
+    } catch (error) {
+      // There may be memory at the next attempt.
+      this.slots.free(slot, group.clusterCount);
+      throw error;
+    }
   }
 
   /** Arenas of all layouts together are no larger than the budget, where groups allow it. */
@@ -108,14 +117,17 @@ export class ResidentGroups {
     return arena;
   }
 
-  private allocate(group: RenderGroup, slot: number): [Arena?, Allocation?] {
+  private allocate(
+    group: RenderGroup,
+    slot: number,
+  ): { arena: Arena; allocation: Allocation } | undefined {
     const layout = this.layouts[group.mesh] as VertexLayout;
     for (const arena of this.arenas) {
       if (!isSameLayout(arena.layout, layout)) continue;
       const allocation = arena.put(group, slot);
-      if (allocation) return [arena, allocation];
+      if (allocation) return { arena, allocation };
     }
-    return [];
+    return undefined;
   }
 
   remove(group: number): void {
