@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from umbel.errors import Error, LoadWarning
 from umbel.io.references import leads_outside, references, sidecar_of
@@ -31,6 +31,23 @@ def name_of(address: str) -> str:
     first = urllib.parse.urlsplit(address.partition("::")[0])
     name = first.path.rsplit("/", 1)[-1] or first.netloc
     return urllib.parse.unquote(name) if first.scheme in ("http", "https") else name
+
+
+def web_options(address: str, silence: float = 60.0) -> dict[str, Any]:
+    """What fsspec is told of the web servers of an address: one that sends nothing for so many
+    seconds has failed, however long a whole answer takes."""
+    used = {part.partition("://")[0] for part in address.split("::")} & {"http", "https"}
+    if not used:
+        return {}
+    try:
+        from aiohttp import ClientTimeout
+        from fsspec.config import conf
+    except ImportError:
+        return {}  # fsspec says what is missing
+    client = {"timeout": ClientTimeout(total=None, sock_connect=silence, sock_read=silence)}
+    for protocol in ("http", "https"):
+        client |= conf.get(protocol, {}).get("client_kwargs", {})
+    return {protocol: {"client_kwargs": client} for protocol in used}
 
 
 @contextmanager
@@ -143,7 +160,7 @@ def _bytes_at(address: str) -> bytes:
     except ImportError:
         raise Error(f"{address}: addresses need fsspec: pip install 'umbel[remote]'") from None
     try:
-        with fsspec.open(address, "rb") as file:
+        with fsspec.open(address, "rb", **web_options(address)) as file:
             return bytes(file.read())
     except Exception as error:  # every file system has its own
         raise Error(f"cannot open {address}: {reason_of(error)}") from None

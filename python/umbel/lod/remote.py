@@ -7,9 +7,12 @@ from collections.abc import Callable
 from typing import BinaryIO
 
 from umbel.errors import Error
-from umbel.io.addresses import reason_of
+from umbel.io.addresses import reason_of, web_options
 
 Read = Callable[[int, int], bytes]
+
+#: Seconds without a byte after which a read has failed: who closes a residency waits no longer.
+_SILENCE = 10.0
 
 
 def remote(url: str) -> tuple[int, Read]:
@@ -19,7 +22,7 @@ def remote(url: str) -> tuple[int, Read]:
     except ImportError:
         raise Error(f"{url}: URLs need fsspec: pip install 'umbel[remote]'") from None
     try:
-        system, path = fsspec.core.url_to_fs(url)
+        system, path = fsspec.core.url_to_fs(url, **web_options(url, _SILENCE))
         size = system.size(path)
     except Exception as error:  # every file system has its own
         raise Error(f"cannot open {url}: {reason_of(error)}") from None

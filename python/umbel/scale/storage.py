@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from umbel.errors import Error
-from umbel.io.addresses import name_of, reason_of
+from umbel.io.addresses import name_of, reason_of, web_options
 from umbel.io.patterns import matches
 
 
@@ -103,7 +103,7 @@ def _open(url: str) -> tuple[Any, str]:
     except ImportError:
         raise Error(f"{url}: addresses need fsspec: pip install 'umbel[remote]'") from None
     try:
-        system, path = fsspec.core.url_to_fs(url)
+        system, path = fsspec.core.url_to_fs(url, **web_options(url))
     except ImportError as error:
         said = str(error).strip() or "a package is missing"
         raise Error(f"{url}: {said} (pip install)") from None

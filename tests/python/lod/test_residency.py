@@ -85,6 +85,43 @@ def test_an_asset_opens_from_a_server_with_few_bytes(server: str, folder: Path) 
         umbel.Asset(f"{server}/missing.umbel")
 
 
+def test_closing_waits_little_for_a_server_that_is_silent(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("aiohttp")
+    monkeypatch.setattr("umbel.lod.remote._SILENCE", 0.5)
+    is_silent, asked, ends = threading.Event(), threading.Event(), threading.Event()
+
+    class Silent(RangeHandler):
+        def do_GET(self) -> None:
+            if is_silent.is_set():
+                asked.set()
+                ends.wait(60)
+            else:
+                super().do_GET()
+
+    handler = functools.partial(Silent, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        residency = umbel.Residency(
+            umbel.Asset(f"http://127.0.0.1:{server.server_port}/a.umbel"), attempts=1
+        )
+        is_silent.set()
+        residency.step([0.0])
+        assert asked.wait(10)
+        started = time.monotonic()
+        while not residency.statistics["given_up"]:
+            time.sleep(0.01)
+            residency.step([0.0])
+        residency.close()
+        assert time.monotonic() - started < 20
+        ends.set()
+        server.shutdown()
+        thread.join()
+    assert "imeout" in residency.statistics["last_problem"]
+
+
 def test_a_server_without_ranges_is_called_so(folder: Path) -> None:
     pytest.importorskip("aiohttp")
     plain = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(folder))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -17,6 +18,7 @@ import pytest
 import umbel
 from umbel.scale.build_asset import build_asset
 from umbel.scale.executor import InProcess
+from umbel.scale.storage import fetch_sources
 
 fsspec = pytest.importorskip("fsspec")
 pytest.importorskip("aiohttp")
@@ -32,8 +34,8 @@ class Quiet(SimpleHTTPRequestHandler):
 
 
 @contextmanager
-def served(folder: Path) -> Iterator[str]:
-    handler = functools.partial(Quiet, directory=str(folder))
+def served(folder: Path, kind: type[Quiet] = Quiet) -> Iterator[str]:
+    handler = functools.partial(kind, directory=str(folder))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
@@ -52,6 +54,25 @@ def web(tiles: list[Path]) -> Iterator[str]:
 def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+
+
+def test_a_slow_answer_may_take_long(
+    tiles: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only silence is limited, not the time of a whole answer."""
+    import aiohttp
+
+    class Slow(Quiet):
+        def copyfile(self, source: Any, outputfile: Any) -> None:
+            data = source.read()
+            for k in range(4):
+                time.sleep(0.3)
+                outputfile.write(data[k * len(data) // 4 : (k + 1) * len(data) // 4])
+
+    monkeypatch.setattr("aiohttp.client.DEFAULT_TIMEOUT", aiohttp.ClientTimeout(total=0.5))
+    with served(tiles[0].parent, Slow) as address:
+        (path,) = fetch_sources([f"{address}/{tiles[0].name}"], tmp_path / "fetched")
+        assert path.read_bytes() == tiles[0].read_bytes()
 
 
 def test_tiles_by_pattern(web: str, made_of_tiles: bytes, tmp_path: Path) -> None:
