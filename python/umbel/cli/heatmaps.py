@@ -29,8 +29,11 @@ def check_heatmap(clusters: str | None, most: int | None, *, of_cut: bool) -> No
         return
     if of_cut:
         fail("--clusters is for meshes: an asset's cut has clusters of its own")
-    if clusters not in METHODS and not clusters.endswith(".npz"):
+    if clusters in METHODS:
+        return
+    if not clusters.endswith(".npz"):
         fail(f"--clusters must be {', '.join(METHODS)} or a FILE.npz, not {clusters!r}")
+    _read(Path(clusters))
 
 
 def boxes_of_mesh(mesh: Mesh, clusters: str | None, threads: int) -> NDArray[np.float32]:

@@ -43,3 +43,12 @@ def load_mesh(source: str, *, allow_outside: bool, drops: bool = False, threads:
     if not drops:
         validate(mesh, threads=threads)
     return mesh
+
+
+def empty_mesh() -> Mesh:
+    """Building something of it says what is wrong with settings, before a file is read."""
+    import numpy as np
+
+    from umbel.geometry.mesh import Mesh
+
+    return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))

@@ -63,6 +63,17 @@ def cluster_on_device(
     )
 
 
+def check_device(options: dict[str, Any] | None = None) -> None:
+    """Refuses options of `umbel bvh` that a device does not have, and a library that is not
+    there."""
+    from umbel.cuda.calls import library
+
+    for name, value in (options or {}).items():
+        if value is not None and name not in (*SETTINGS, "cost", "max_leaf_size"):
+            raise Error(f"--device cuda has no --{name.replace('_', '-')}")
+    library()
+
+
 def bvh_on_device(
     mesh: Mesh, builder: str, options: dict[str, Any], threads: int
 ) -> dict[str, Any]:
@@ -75,9 +86,6 @@ def bvh_on_device(
 
     given = {name: value for name, value in options.items() if value is not None}
     (traversal, intersection), most = given.pop("cost"), given.pop("max_leaf_size")
-    for name in given:
-        if name not in SETTINGS:
-            raise Error(f"--device cuda has no --{name.replace('_', '-')}")
     if "distance" in given:
         given["distance"] = int(given["distance"] == "manhattan")
     settings = {SETTINGS[name]: value for name, value in given.items()}

@@ -218,6 +218,35 @@ def test_outputs_are_checked_before_the_input_is_read(
     assert copy.read_bytes() == small.read_bytes()
 
 
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ["bvh", "--builder", "nope"],
+        ["bvh", "--width", 3],
+        ["bvh", "--builder", "kmeans", "--kary", "--clusters", 100],
+        ["bvh", "--bins", 2],
+        ["bvh", "--device", "cuda", "--bins", 8],
+        ["kdtree", "--builder", "nope"],
+        ["kdtree", "--max-references", 0],
+        ["cluster", "--max-vertices", 2],
+        ["cluster", "--underfill", "nan"],
+        ["render", "-o", "OUT.png", "--width", 0],
+        ["render", "-o", "OUT.png", "--spp", 1 << 25],
+        ["render", "-o", "OUT.png", "--camera", "1,2,3:0,0,0:400"],
+        ["render", "-o", "OUT.png", "--camera", "auto:1"],
+        ["render", "-o", "OUT.png", "--bounces", 9999],
+        ["render", "-o", "OUT.png", "--heatmap", "overlap", "--clusters", "none.npz"],
+    ],
+)
+def test_settings_are_checked_before_the_input_is_read(
+    umbel_command: Umbel, tmp_path: Path, flags: list[object]
+) -> None:
+    command, *given = [word if word != "OUT.png" else tmp_path / "out.png" for word in flags]
+    done = umbel_command(command, "nothing.ply", *given)
+    assert done.status == 1 and len(done.err.splitlines()) == 1
+    assert done.err.startswith("umbel: nothing.ply: ")
+
+
 def test_pictures_replace_no_texture_of_the_mesh(umbel_command: Umbel, tmp_path: Path) -> None:
     mesh = umbel.shapes.grid(4, 4)
     flat = np.full((8, 8, 3), 0.5, np.float32)

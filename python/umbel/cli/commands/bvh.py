@@ -7,15 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
+from umbel.cli.inputs import AllowOutside, MeshFile, empty_mesh, load_mesh
 from umbel.cli.options import Distance, file_to_keep, option
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show, warn_no_effect
 from umbel.cli.structures import FLAGS, Compact, Costs, DropInvalid, parse_cost, ray_speeds
 
 if TYPE_CHECKING:
+    from umbel.accel.bvh import Bvh
     from umbel.accel.tree_options import TreeOptions
     from umbel.accel.trees import KaryTree
+    from umbel.geometry.mesh import Mesh
+    from umbel.geometry.repair import Progress
 
 
 def _knob(metavar: str | None, text: str, value: Any = None) -> Any:
@@ -139,10 +142,24 @@ def command(
 
     from umbel.accel.bvh import Bvh
     from umbel.accel.trees import Bvh2, build_bvh2, build_kary
-    from umbel.cli.on_device import bvh_on_device
+    from umbel.cli.on_device import bvh_on_device, check_device
     from umbel.cli.progress import Bar
     from umbel.geometry.origin import warn_of_origin, zero_origin
 
+    def build(mesh: Mesh, progress: Progress | None = None) -> Bvh2 | KaryTree:
+        make = build_kary if kary else build_bvh2
+        return make(mesh, builder=builder, progress=progress, threads=threads, **options)
+
+    def widen(tree: Bvh2 | KaryTree, mesh: Mesh) -> Bvh:
+        return Bvh.from_tree(tree, mesh, width=width, compact=compact, threads=threads)
+
+    given: dict[str, Any] = {**options}
+    del given["invalid"]
+    if device is Device.cuda:
+        check_device(given)
+    else:
+        widen(build(empty_mesh()), empty_mesh())
+    _warn_of_flags(builder, device, kary, options)
     mesh = load_mesh(source, allow_outside=allow_outside, drops=drop_invalid, threads=threads)
     origin, mesh = mesh.origin, replace(mesh, origin=zero_origin())  # for rays in float32
     result: dict[str, Any] = {
@@ -153,24 +170,16 @@ def command(
         "origin": origin.tolist(),
     }
     if device is Device.cuda:
-        given: dict[str, Any] = {**options}
-        del given["invalid"]
         result |= bvh_on_device(mesh, builder, given, threads)
-        _warn_of_flags(builder, device, kary, options)
         result["warnings"] = heard
         show(result, as_json, source)
         return
     with Bar() as bar:
         began = time.perf_counter()
-        tree: Bvh2 | KaryTree
-        if kary:
-            tree = build_kary(mesh, builder=builder, progress=bar, threads=threads, **options)
-        else:
-            tree = build_bvh2(mesh, builder=builder, progress=bar, threads=threads, **options)
+        tree = build(mesh, bar)
         built = time.perf_counter()
-        bvh = Bvh.from_tree(tree, mesh, width=width, compact=compact, threads=threads)
+        bvh = widen(tree, mesh)
         widened = time.perf_counter()
-    _warn_of_flags(builder, device, kary, options)
     if output is not None:
         bvh.save(output)
         warn_of_origin(output, origin)

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
+from umbel.cli.inputs import AllowOutside, MeshFile, empty_mesh, load_mesh
 from umbel.cli.options import Method, Preset, option
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show, warn_no_effect
@@ -14,6 +14,7 @@ from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show
 if TYPE_CHECKING:
     from umbel.cluster.clusters import Clusters
     from umbel.geometry.mesh import Mesh
+    from umbel.geometry.repair import Progress
 
 
 _FLAGS = {
@@ -77,17 +78,40 @@ def command(
         "--presplit": presplit,
         "--weights": weights != "none",
     }
-    _warn_of_flags(method, device, [flag for flag, value in given.items() if value])
     if output is not None:
         check_output(output, ".glb", ".npz", inputs=[source])
 
-    from umbel.cli.on_device import cluster_on_device
+    from umbel.cli.on_device import check_device, cluster_on_device
     from umbel.cli.progress import Bar
     from umbel.cluster.clusters import cluster_mesh
     from umbel.cluster.weights import weights_of
     from umbel.geometry.repair import weld
 
     mix = weights_of(weights)
+
+    def build(mesh: Mesh, progress: Progress | None = None) -> Clusters:
+        return cluster_mesh(
+            mesh,
+            max_triangles,
+            max_vertices,
+            preset.value,
+            min_triangles=min_triangles,
+            underfill_cost=underfill,
+            overlap_cost=overlap,
+            vertex_underfill_cost=vertex_underfill,
+            presplit_threshold=presplit,
+            shared_vertex_weight=mix.get("shared-vertices", 0.0),
+            normal_weight=mix.get("normals", 0.0),
+            method=method.value,
+            progress=progress,
+            threads=threads,
+        )
+
+    if device is Device.cuda:
+        check_device()
+    else:
+        build(empty_mesh())
+    _warn_of_flags(method, device, [flag for flag, value in given.items() if value])
 
     mesh = load_mesh(source, allow_outside=allow_outside, threads=threads)
     # Vertices count by what they are, not by how a file stores them; triangles keep their order.
@@ -105,22 +129,7 @@ def command(
                 threads,
             )
         else:
-            clusters = cluster_mesh(
-                mesh,
-                max_triangles,
-                max_vertices,
-                preset.value,
-                min_triangles=min_triangles,
-                underfill_cost=underfill,
-                overlap_cost=overlap,
-                vertex_underfill_cost=vertex_underfill,
-                presplit_threshold=presplit,
-                shared_vertex_weight=mix.get("shared-vertices", 0.0),
-                normal_weight=mix.get("normals", 0.0),
-                method=method.value,
-                progress=bar,
-                threads=threads,
-            )
+            clusters = build(mesh, bar)
         seconds = time.perf_counter() - began
     written = None if output is None else str(output)
     result = {"input": source, "output": written, **clusters.metrics()}

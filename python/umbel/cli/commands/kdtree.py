@@ -5,13 +5,17 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
+from umbel.cli.inputs import AllowOutside, MeshFile, empty_mesh, load_mesh
 from umbel.cli.options import Traversal, file_to_keep, option
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Json, Threads, ends_cleanly, heard, show, warn_no_effect
 from umbel.cli.structures import FLAGS, Compact, Costs, DropInvalid, parse_cost, ray_speeds
+
+if TYPE_CHECKING:
+    from umbel.geometry.mesh import Mesh
+    from umbel.geometry.repair import Progress
 
 
 @ends_cleanly(FLAGS)
@@ -44,20 +48,13 @@ def command(
     if output is not None:
         check_output(output, ".umkd", inputs=[source])
     costs = parse_cost(cost)
-    if bins is not None and builder == "exact":
-        warn_no_effect("--bins", "it is for --builder binned, not exact")
-    if ropes and traversal not in (None, Traversal.ropes):
-        warn_no_effect("--ropes", f"--traversal {traversal.value} is given")
 
     from umbel.accel.kdtree import KdTree
     from umbel.cli.progress import Bar
     from umbel.geometry.origin import warn_of_origin, zero_origin
 
-    mesh = load_mesh(source, allow_outside=allow_outside, drops=drop_invalid, threads=threads)
-    origin, mesh = mesh.origin, replace(mesh, origin=zero_origin())  # for rays in float32
-    with Bar() as bar:
-        began = time.perf_counter()
-        tree = KdTree(
+    def build(mesh: Mesh, progress: Progress | None = None) -> KdTree:
+        return KdTree(
             mesh,
             builder=builder,
             ropes=ropes,
@@ -71,9 +68,20 @@ def command(
             bins=bins,
             compact=compact,
             invalid="drop" if drop_invalid else "refuse",
-            progress=bar,
+            progress=progress,
             threads=threads,
         )
+
+    build(empty_mesh())
+    if bins is not None and builder == "exact":
+        warn_no_effect("--bins", "it is for --builder binned, not exact")
+    if ropes and traversal not in (None, Traversal.ropes):
+        warn_no_effect("--ropes", f"--traversal {traversal.value} is given")
+    mesh = load_mesh(source, allow_outside=allow_outside, drops=drop_invalid, threads=threads)
+    origin, mesh = mesh.origin, replace(mesh, origin=zero_origin())  # for rays in float32
+    with Bar() as bar:
+        began = time.perf_counter()
+        tree = build(mesh, bar)
         built = time.perf_counter()
     if output is not None:
         tree.save(output)

@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from umbel.geometry.camera import Camera
     from umbel.geometry.mesh import Mesh
     from umbel.trace.renderer import Film, Renderer
+    from umbel.trace.shading import Environment
 
 _COARSE = 20_000  # triangles of the cut on which an asset's cameras are chosen
+_MOST_PATHS = 1 << 24  # a pixel
 _INSTANCES_BUDGET = "2GB"  # for trees of instances, which are not made one mesh
 
 
@@ -129,8 +131,8 @@ def command(
         check_heatmap(clusters, most, of_cut=method is Accel.lod)
     elif clusters is not None or most is not None:
         fail("--clusters and --most are for --heatmap")
-    if spp < 1:
-        fail(f"--spp must be at least 1, not {spp}")
+    if not 1 <= spp <= _MOST_PATHS:
+        fail(f"--spp must be from 1 to {_MOST_PATHS}, not {spp}")
     from umbel.trace.denoise import denoiser
     from umbel.trace.picture import check_format, save_features, save_picture, tone_map
 
@@ -153,10 +155,18 @@ def command(
     from umbel.cli.progress import Bar
     from umbel.trace.renderer import Renderer
 
+    environment = _environment(sun, light)
+    settings: dict[str, Any] = {
+        "seed": seed,
+        "max_bounces": bounces,
+        "shadow_samples": shadow_samples,
+        "clamp": clamp,
+    }
+    _check_settings(camera or [], width, height, environment, up.value, settings)
     began = time.perf_counter()
     with Bar() as bar:
         options: dict[str, Any] = {
-            "environment": _environment(sun, light),
+            "environment": environment,
             "up": up.value,
             "ground": ground,
             "hide": hide or [],
@@ -192,15 +202,7 @@ def command(
             return
         for k, (text, path) in enumerate(zip(cameras, outputs, strict=True)):
             renderer, view = views.renderer(text, width, height)
-            film = renderer.film(
-                view,
-                width=width,
-                height=height,
-                seed=seed,
-                max_bounces=bounces,
-                shadow_samples=shadow_samples,
-                clamp=clamp,
-            )
+            film = renderer.film(view, width=width, height=height, **settings)
             bounds = [0.05 + 0.95 * (k + i) / len(cameras) for i in (0, 1)]
             for film_now in _passes(film, spp, progressive, _part(bar, *bounds)):
                 save_picture(path, film_now.denoised() if denoise else film_now.pixels, exposure)
@@ -230,7 +232,7 @@ def _has_instance_tree(source: str) -> bool:
     return Asset(source).has_instance_tree
 
 
-def _environment(sun: str | None, light: str) -> Any:
+def _environment(sun: str | None, light: str) -> Environment:
     from umbel.trace.shading import Environment
 
     if light != "sky":
@@ -241,6 +243,30 @@ def _environment(sun: str | None, light: str) -> Any:
         return Environment()
     azimuth, elevation = _floats(sun, 2, "--sun must be AZIMUTH,ELEVATION")
     return Environment(sun_azimuth=azimuth, sun_elevation=elevation)
+
+
+def _check_settings(
+    cameras: list[str],
+    width: int,
+    height: int,
+    environment: Environment,
+    up: str,
+    settings: dict[str, Any],
+) -> None:
+    """Refuses, before any work, what no mesh could be rendered with: one pixel of a triangle is."""
+    import numpy as np
+
+    from umbel.geometry.mesh import Mesh
+    from umbel.trace.renderer import Renderer
+
+    triangle = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32))
+    renderer = Renderer(triangle, environment=environment, up=up, threads=1)
+    for camera in ("auto", *cameras):
+        if camera.partition(":")[0] != "file":
+            view = renderer.view(camera, width, height)
+            # Far from this triangle, floats may not tell the camera's points apart.
+            view = replace(view, position=(1, 1, 1), target=(0, 0, 0))
+            renderer.film(view, width=1, height=1, **settings).add(1)
 
 
 def _floats(text: str, count: int, rule: str) -> list[float]:
