@@ -178,20 +178,16 @@ def _run(
     }
 
 
-def stored(path: Path, allow_outside: bool = False) -> Callable[[], Asset]:
+def stored(path: Path, allow_outside: bool = False) -> Asset:
     """An asset, or a mesh that is built at 16 bits first."""
+    if path.suffix.lower() == ".umbel":
+        return Asset(path)
+    from umbel.lod.build import build_lod
 
-    def load() -> Asset:
-        if path.suffix == ".umbel":
-            return Asset(path)
-        from umbel.lod.build import build_lod
-
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "asset.umbel"
-            build_lod(path, precision="16bits", allow_outside=allow_outside).save(file)
-            return Asset(file)
-
-    return load
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "asset.umbel"
+        build_lod(path, precision="16bits", allow_outside=allow_outside).save(file)
+        return Asset(file)
 
 
 def blob() -> Asset:

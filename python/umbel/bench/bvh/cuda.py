@@ -89,13 +89,18 @@ def program() -> Path:
     return Path(os.environ.get("UMBEL_CUDA_BVH_BENCH", built))
 
 
-def measure(meshes: Sequence[Path], *, runs: int, builders: Sequence[str] = ()) -> DeviceComparison:
-    """Runs the program over binary PLY files."""
+def check_program() -> None:
+    """Refuses to measure where the program is missing."""
     if not program().is_file():
         raise Error(
             f"measuring on a device needs the program cuda_bvh_bench, and there is no {program()}: "
             "`make cuda` builds it, and UMBEL_CUDA_BVH_BENCH says where it is"
         )
+
+
+def measure(meshes: Sequence[Path], *, runs: int, builders: Sequence[str] = ()) -> DeviceComparison:
+    """Runs the program over binary PLY files."""
+    check_program()
     chosen = [name for name in builders if name != BASELINE]
     names = [
         word for name in ([*chosen, BASELINE] if chosen else []) for word in ("--builder", name)

@@ -99,6 +99,11 @@ class Effort:
                 f"the resolution must be multiples of {TILE}, not {self.resolution[0]} x "
                 f"{self.resolution[1]}"
             )
+        unknown = [part for part in self.parts if part not in PARTS]
+        if unknown or not self.parts:
+            said = ", ".join(unknown) or "nothing"
+            raise Error(f"parts must be of {', '.join(PARTS)}, not {said}")
+        methods(Kmeans(8, 5, 2), self.builders)
 
     def build_runs(self, mesh: Mesh) -> int:
         """How often each tree is built."""

@@ -68,12 +68,17 @@ def plant(triangles: int, seed: int = 1) -> Mesh:
     return Mesh(*plant_arrays(triangles, plant_shapes(triangles), seed))
 
 
+def check_triangles(triangles: int) -> None:
+    """Refuses a number of triangles that no scene can have."""
+    if not _SMALLEST <= triangles <= _LARGEST:
+        raise Error(f"triangles must be from {_SMALLEST:,} to {_LARGEST:,}, not {triangles:,}")
+
+
 def plant_shapes(triangles: int) -> Shapes:
     """What a scene of this many triangles is made of."""
     from umbel import shapes
 
-    if not _SMALLEST <= triangles <= _LARGEST:
-        raise Error(f"triangles must be from {_SMALLEST:,} to {_LARGEST:,}, not {triangles:,}")
+    check_triangles(triangles)
     side = max(round((round(triangles * 0.15) / 2) ** 0.5), 4)
     made = (shapes.terrain(side, side), shapes.blob(4), shapes.torus(48, 16))
     return Shapes(*(Arrays(mesh.positions, mesh.triangles) for mesh in made))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from umbel.cli.failure import naming_file
-from umbel.cli.inputs import AllowOutside
+from umbel.cli.inputs import AllowOutside, empty_mesh
 from umbel.cli.options import option
 from umbel.cli.outputs import made_folder
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, say, show
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from umbel.geometry.mesh import Mesh
 
 Found = TypeVar("Found", bound=Any)
+Loaded = TypeVar("Loaded")
 
 _PLANT = 200_000  # triangles, where no scene is named
 
@@ -199,7 +200,9 @@ def stream(
         list[Path] | None,
         typer.Argument(metavar="INPUT", help="Assets or meshes; without any, a blob."),
     ] = None,
-    seconds: float = option(20.0, "S", "Simulated seconds of the camera's path.", min=0.1),
+    seconds: float = option(
+        20.0, "S", "Simulated seconds of the camera's path.", min=0.1, max=86_400.0
+    ),
     output: Folder = None,
     allow_outside: AllowOutside = False,
     as_json: Json = False,
@@ -213,9 +216,8 @@ def stream(
     from umbel.bench.table import print_table
     from umbel.cli.progress import Bar
 
-    assets = {path.stem: bench.stored(path, allow_outside) for path in inputs or []} or {
-        "blob": bench.blob
-    }
+    load = partial(bench.stored, allow_outside=allow_outside)
+    assets = _named(inputs, load) if inputs else {"blob": bench.blob}
     with Bar() as bar:
         found = bench.simulate(assets, seconds=seconds, progress=bar)
 
@@ -229,13 +231,16 @@ def stream(
 
 
 def _kmeans(text: str) -> Kmeans:
+    from umbel.accel.trees import build_bvh2
     from umbel.bench.bvh.scenes import Kmeans
 
     try:
         clusters, candidates, iterations = (int(part) for part in text.split(","))
     except ValueError:
         fail(f"--kmeans is {text!r}, but must be three whole numbers such as 8,5,2")
-    return Kmeans(clusters, candidates, iterations)
+    given = Kmeans(clusters, candidates, iterations)
+    build_bvh2(empty_mesh(), builder="kmeans", **given.arguments())
+    return given
 
 
 def _resolution(text: str) -> tuple[int, int]:
@@ -260,6 +265,7 @@ def _bvh_on_device(
     from umbel.bench.bvh import cuda as bvh_cuda
     from umbel.bench.table import print_table
 
+    bvh_cuda.check_program()
     with tempfile.TemporaryDirectory() as folder:
         paths = [Path(folder) / f"{name}.ply" for name in inputs]
         for path, load in zip(paths, inputs.values(), strict=True):
@@ -345,13 +351,18 @@ def _valid(path: Path, allow_outside: bool) -> Mesh:
 
 def _loaders(paths: list[Path], allow_outside: bool) -> dict[str, Callable[[], Mesh]]:
     """What loads each mesh, under a name of its own."""
-    loaders: dict[str, Callable[[], Mesh]] = {}
+    return _named(paths, partial(_valid, allow_outside=allow_outside))
+
+
+def _named(paths: list[Path], load: Callable[[Path], Loaded]) -> dict[str, Callable[[], Loaded]]:
+    """What loads each file, under a name of its own."""
+    loaders: dict[str, Callable[[], Loaded]] = {}
     for path in paths:
         name, number = path.stem, 1
         while name in loaders:
             number += 1
             name = f"{path.stem}-{number}"
-        loaders[name] = partial(_valid, path, allow_outside)
+        loaders[name] = partial(load, path)
     return loaders
 
 
