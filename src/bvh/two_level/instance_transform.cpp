@@ -33,13 +33,13 @@ std::array<float, 12> inverse_of(const std::array<float, 12>& m) {
 
 InstanceTransform::InstanceTransform(const Transform& to_world)
     : to_world_(to_world.rows), to_object_(inverse_of(to_world.rows)), scale_(0) {
-  float squares = 0;
+  double squares = 0;
   for (int i = 0; i < 12; ++i) {
-    if (i % 4 != 3) squares += to_world_[i] * to_world_[i];
+    if (i % 4 != 3) squares += double(to_world_[i]) * to_world_[i];
     if (!std::isfinite(to_object_[i]))
       throw Error(ErrorCode::kInvalidArgument, "a transform of the scene cannot be inverted");
   }
-  scale_ = std::sqrt(squares);
+  scale_ = static_cast<float>(std::sqrt(squares));
 }
 
 Vec3 InstanceTransform::point_to_world(const Vec3& p) const {
@@ -62,7 +62,16 @@ Aabb InstanceTransform::box_to_world(const Aabb& box) const {
     extend(out,
            point_to_world({corner & 1 ? box.max.x : box.min.x, corner & 2 ? box.max.y : box.min.y,
                            corner & 4 ? box.max.z : box.min.z}));
-  const Vec3 error_bound = (max(out.max, out.min * -1.0f) - min(out.min, out.max * -1.0f)) * 1e-6f;
+  // As large as the terms of both maps may be, though their sums are small.
+  const Vec3 away = max(box.max, box.min * -1.0f);
+  const auto& m = to_world_;
+  const Vec3 local{away.x + std::fabs(to_object_[3]), away.y + std::fabs(to_object_[7]),
+                   away.z + std::fabs(to_object_[11])};
+  const auto size = [&](int row) {
+    return std::fabs(m[row]) * local.x + std::fabs(m[row + 1]) * local.y +
+           std::fabs(m[row + 2]) * local.z + std::fabs(m[row + 3]);
+  };
+  const Vec3 error_bound = Vec3{size(0), size(4), size(8)} * 2e-6f;
   return {out.min - error_bound, out.max + error_bound};
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/math.hpp"
+#include "bvh/tree/scale.hpp"
 #include "query/triangle_test.hpp"
 #include "umbel/bvh_traverse.hpp"
 
@@ -112,7 +113,9 @@ template <typename LocalRay, typename Found>
 void TwoLevelBvh::visit_cluster(const ClusterInstance& instance, const LocalRay& local,
                                 const RayOptions& options, float& limit, const Found& found) const {
   const BottomTree& cluster = clusters_[instance.cluster];
-  const RayFrame& frame = local.frame;
+  RayFrame frame = local.frame;
+  frame.scale = moderate_scale(cluster.tree.nodes[0].box());
+  frame.unscale = 1 / frame.scale;
   traverse_ordered(
       cluster.tree, [&](const Node& node) { return local.entry(node.box(), limit); },
       [&](std::span<const uint32_t> primitives) {

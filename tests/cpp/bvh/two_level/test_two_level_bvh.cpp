@@ -122,6 +122,55 @@ TEST(TwoLevelBvh, transforms_have_inverses_and_those_without_are_refused) {
   EXPECT_THROW(InstanceTransform(Transform{{1, 0, 0, 0, 2, 0, 0, 0, 0, 0, 1, 0}}), Error);
 }
 
+TEST(TwoLevelBvh, parts_of_extreme_size_are_hit_where_their_transform_puts_them) {
+  const Mesh mesh = shapes::blob(3, 3);
+  const auto with_parts_of_size = [&](int exponent) {
+    Mesh part = mesh;
+    for (Vec3& p : part.positions) p = p * std::ldexp(1.0f, exponent);
+    const float back = std::ldexp(1.0f, -exponent);
+    const InstanceTransform transform(Transform{{back, 0, 0, 0, 0, back, 0, 0, 0, 0, back, 0}});
+    std::vector<BottomTree> clusters = clusters_of(part, 70);
+    const std::vector<ClusterInstance> instances = instances_of(clusters.size(), 0);
+    EXPECT_NEAR(transform.scale() / back, std::sqrt(3), 1e-6);
+    return TwoLevelBvh(std::move(clusters), instances, {transform}, part.positions, part.triangles);
+  };
+  const TwoLevelBvh expected = with_parts_of_size(0);
+  for (const int exponent : {-100, -60, -40, 40, 60, 100}) {
+    const TwoLevelBvh bvh = with_parts_of_size(exponent);
+    EXPECT_EQ(bvh.bounds(), expected.bounds());
+    for (const Ray& ray : random_rays(200)) {
+      const InstanceHit hit = bvh.intersect(ray, {}, kPrimaryRays);
+      ASSERT_EQ(hit, expected.intersect(ray, {}, kPrimaryRays)) << exponent;
+      ASSERT_EQ(bvh.occluded(ray, {}, kPrimaryRays), hit.hit());
+    }
+  }
+}
+
+/// A plane whose transform brings it back from far away: coordinates are rounded there.
+TEST(TwoLevelBvh, there_is_no_gap_between_clusters_that_come_from_far_away) {
+  constexpr uint32_t kSide = 33;
+  constexpr float kFar = 1e6f;
+  Mesh mesh;
+  for (uint32_t i = 0; i < kSide * kSide; ++i)
+    mesh.positions.push_back({kFar + float(i % kSide), kFar + float(i / kSide), kFar});
+  for (uint32_t i = 0; i + kSide < kSide * kSide; ++i) {
+    if (i % kSide + 1 == kSide) continue;
+    mesh.triangles.push_back({i, i + 1, i + kSide});
+    mesh.triangles.push_back({i + 1, i + kSide + 1, i + kSide});
+  }
+  const InstanceTransform transform(Transform{{1, 0, 0, -kFar, 0, 1, 0, -kFar, 0, 0, 1, -kFar}});
+  std::vector<BottomTree> clusters = clusters_of(mesh, 32);
+  const std::vector<ClusterInstance> instances = instances_of(clusters.size(), 0);
+  const TwoLevelBvh bvh(std::move(clusters), instances, {transform}, mesh.positions,
+                        mesh.triangles);
+  std::mt19937 random(1);
+  for (uint32_t i = 0; i < 20000; ++i) {
+    const auto next = [&] { return 1 + 0x1p-32f * float(random()) * (kSide - 3); };
+    const Vec3 origin{next(), next(), 2};
+    ASSERT_TRUE(bvh.occluded({origin, 0, {0.01f, 0.02f, -1}}, {}, kPrimaryRays)) << i;
+  }
+}
+
 TEST(TwoLevelBvh, what_lies_at_a_t_that_overflows_is_missed) {
   const Mesh mesh = shapes::sphere(2);
   std::vector<BottomTree> clusters = clusters_of(mesh, 20);
