@@ -34,3 +34,12 @@ export function memoryError(error: unknown): UmbelError | undefined {
     "The browser has no memory left for the asset. A smaller budget may help.",
   );
 }
+
+/** Checks an argument: a finite number of at least 0, or above 0 where `isPositive`. */
+export function checkNumber(name: string, value: unknown, isPositive: boolean): void {
+  const isValid = typeof value === "number" && Number.isFinite(value) && value >= 0;
+  if (isValid && (value > 0 || !isPositive)) return;
+  const range = isPositive ? "above 0" : "of at least 0";
+  const given = typeof value === "string" ? JSON.stringify(value) : String(value);
+  throw new RangeError(`\`${name}\` must be a finite number ${range}; it is ${given}.`);
+}

@@ -1,6 +1,6 @@
 // Reads an asset at an address, by HTTP ranges where the server has them.
 
-import { UmbelError } from "../errors.js";
+import { checkNumber, UmbelError } from "../errors.js";
 import { Download } from "./download.js";
 import {
   asUmbelError,
@@ -31,7 +31,12 @@ export class HttpSource implements ByteSource {
   constructor(
     readonly url: string,
     private readonly options: HttpOptions = {},
-  ) {}
+  ) {
+    const { retries, delay, patience } = options;
+    if (retries !== undefined) checkNumber("retries", retries, false);
+    if (delay !== undefined) checkNumber("delay", delay, false);
+    if (patience !== undefined) checkNumber("patience", patience, true);
+  }
 
   close(): void {
     this.aborter.abort();
@@ -49,7 +54,7 @@ export class HttpSource implements ByteSource {
         const known = asUmbelError(error, this.url);
         if (this.aborter.signal.aborted || known.kind === "memory") throw known;
         this.report(true);
-        if (known.kind !== "network" || attempt === retries) throw known;
+        if (known.kind !== "network" || attempt >= retries) throw known;
         this.download = undefined;
         await new Promise((resolve) => setTimeout(resolve, delay * 2 ** Math.min(attempt, 5)));
       }

@@ -2,7 +2,7 @@
 // GPU with the clusters to draw. It runs in a worker, but does not depend on one.
 
 import { readPage } from "../decode/page.js";
-import { memoryError, UmbelError } from "../errors.js";
+import { checkNumber, memoryError, UmbelError } from "../errors.js";
 import { type FileHeader, openingBytesOf, readFileHeader } from "../format/file_header.js";
 import { placeOf, readSlice } from "../format/page_table.js";
 import { FIXED_HEADER_SIZE, readFixedHeader } from "../format/sections.js";
@@ -106,6 +106,7 @@ export class Streamer {
     options: StreamOptions,
     listener: StreamListener,
   ): Promise<Streamer> {
+    checkNumber("budget", options.budget, true);
     let bytes = await source.read(0, FIRST_BYTES);
     const fixed = readFixedHeader(bytes.length < FIXED_HEADER_SIZE ? bytes.slice() : bytes);
     const needed = openingBytesOf(fixed);
@@ -135,6 +136,7 @@ export class Streamer {
   }
 
   setBudget(bytes: number): void {
+    checkNumber("budget", bytes, true);
     ++this.revision;
     this.budget = bytes;
     this.tree?.setBudget(bytes);

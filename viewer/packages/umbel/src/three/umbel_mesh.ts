@@ -17,7 +17,7 @@ import {
   Vector3,
   type WebGLRenderer,
 } from "three";
-import { memoryError, type UmbelError } from "../errors.js";
+import { checkNumber, memoryError, type UmbelError } from "../errors.js";
 import type { AssetInfo } from "../stream/asset_info.js";
 import { boundsOf } from "../stream/bounds.js";
 import type { InstanceRow } from "../stream/instance_rows.js";
@@ -54,8 +54,7 @@ const DEFAULT_BUDGET = 2 ** 28;
 const MAX_WAITING_BYTES = 1 << 24;
 
 export class UmbelMesh extends Object3D {
-  /** Allowed error of what is drawn, in pixels. */
-  pixelError: number;
+  private allowedError: number;
   /** While true, the cut stays as it is, wherever the camera goes. */
   isFrozen = false;
   statistics: StreamStatistics | undefined;
@@ -99,8 +98,9 @@ export class UmbelMesh extends Object3D {
     options: Omit<UmbelMeshOptions, "budget"> = {},
   ) {
     super();
-    this.pixelError = options.pixelError ?? 1;
-    this.offscreen = options.offscreen ?? 4;
+    const { pixelError, offscreen } = checkedOptions(options);
+    this.allowedError = pixelError;
+    this.offscreen = offscreen;
     const { low, high } = boundsOf(stream.info);
     this.box = new Box3(new Vector3(...low), new Vector3(...high));
     this.materials = new Materials(
@@ -145,7 +145,18 @@ export class UmbelMesh extends Object3D {
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
   static async load(source: string | Blob, options: UmbelMeshOptions = {}): Promise<UmbelMesh> {
     const budget = options.budget ?? DEFAULT_BUDGET;
+    checkedOptions(options);
     return new UmbelMesh(await AssetStream.open(source, { budget }), options);
+  }
+
+  /** Allowed error of what is drawn, in pixels. */
+  get pixelError(): number {
+    return this.allowedError;
+  }
+
+  set pixelError(pixels: number) {
+    checkNumber("pixelError", pixels, false);
+    this.allowedError = pixels;
   }
 
   get info(): AssetInfo {
@@ -162,6 +173,8 @@ export class UmbelMesh extends Object3D {
    * origins then have the right relative position.
    */
   setSceneOrigin(origin: readonly [number, number, number]): void {
+    if (origin.length !== 3 || !origin.every(Number.isFinite))
+      throw new RangeError(`\`origin\` must be three finite numbers; it is ${origin.join(", ")}.`);
     const [x, y, z] = this.origin;
     this.position.set(x - origin[0], y - origin[1], z - origin[2]);
   }
@@ -196,6 +209,7 @@ export class UmbelMesh extends Object3D {
 
   /** Sets the bytes of memory for geometry and textures. */
   setBudget(bytes: number): void {
+    checkNumber("budget", bytes, true);
     this.texelDemand.isDone = false;
     this.budget.set(bytes);
   }
@@ -350,4 +364,12 @@ export class UmbelMesh extends Object3D {
     if (this.tintFunction) this.tint.paint(this.clusters(), this.residents, this.tintFunction);
     else this.tint.clear();
   }
+}
+
+function checkedOptions(options: UmbelMeshOptions): { pixelError: number; offscreen: number } {
+  const pixelError = options.pixelError ?? 1;
+  const offscreen = options.offscreen ?? 4;
+  checkNumber("pixelError", pixelError, false);
+  checkNumber("offscreen", offscreen, false);
+  return { pixelError, offscreen };
 }

@@ -1,6 +1,6 @@
 // The page's end of a stream: it sends views to a worker and receives geometry.
 
-import { UmbelError } from "../errors.js";
+import { checkNumber, UmbelError } from "../errors.js";
 import type { AssetInfo } from "../stream/asset_info.js";
 import type { SceneView } from "../stream/instance_stream.js";
 import type { StreamListener, StreamOptions, StreamUpdate } from "../stream/stream_update.js";
@@ -29,6 +29,7 @@ export class AssetStream {
 
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
   static async open(source: string | Blob, options: StreamOptions): Promise<AssetStream> {
+    checkNumber("budget", options.budget, true);
     const address = typeof source === "string" ? addressOf(source) : undefined;
     const worker = new Worker(new URL("./stream_worker.js", import.meta.url), {
       type: "module",
@@ -99,6 +100,7 @@ export class AssetStream {
   }
 
   setBudget(bytes: number): void {
+    checkNumber("budget", bytes, true);
     ++this.revision;
     send(this.worker, { type: "budget", bytes });
   }

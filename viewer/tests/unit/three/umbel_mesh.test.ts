@@ -1,0 +1,41 @@
+import { describe, expect, test } from "vitest";
+import { HttpSource } from "../../../packages/umbel/src/source/http_source.js";
+import { assetInfoOf } from "../../../packages/umbel/src/stream/asset_info.js";
+import { UmbelMesh } from "../../../packages/umbel/src/three/umbel_mesh.js";
+import type { AssetStream } from "../../../packages/umbel/src/worker/asset_stream.js";
+import { loadAsset } from "../../support/loaded_asset.js";
+
+/** A mesh without a worker. */
+function meshOf(options = {}): UmbelMesh {
+  const stream = { info: assetInfoOf(loadAsset("planet").header), budget: 2 ** 28, setBudget() {} };
+  return new UmbelMesh(stream as unknown as AssetStream, options);
+}
+
+describe.each([Number.NaN, -1, Infinity, "256", true, {}])("%j", (wrong) => {
+  const value = wrong as number;
+
+  test.each(["budget", "pixelError", "offscreen"])("is refused as %s", async (name) => {
+    const refusal = new RegExp(`\`${name}\` must be a finite number`);
+    await expect(UmbelMesh.load("a.umbel", { [name]: value })).rejects.toThrow(refusal);
+    if (name !== "budget") expect(() => meshOf({ [name]: value })).toThrow(refusal);
+  });
+
+  test("is refused by a mesh", () => {
+    const mesh = meshOf();
+    expect(() => mesh.setBudget(value)).toThrow("`budget` must be a finite number above 0");
+    expect(() => {
+      mesh.pixelError = value;
+    }).toThrow("`pixelError` must be a finite number of at least 0");
+    expect(mesh.pixelError).toBe(1);
+    if (value !== -1) expect(() => mesh.setSceneOrigin([0, value, 0])).toThrow("`origin` must be");
+  });
+
+  test.each(["retries", "delay", "patience"])("is refused as %s", (name) => {
+    expect(() => new HttpSource("a.umbel", { [name]: value })).toThrow(`\`${name}\` must be`);
+  });
+});
+
+test("an error of 0 is allowed, a budget of 0 is not", async () => {
+  expect(meshOf({ pixelError: 0, offscreen: 0 }).pixelError).toBe(0);
+  await expect(UmbelMesh.load("a.umbel", { budget: 0 })).rejects.toThrow("it is 0.");
+});
