@@ -98,7 +98,7 @@ class Savable(ABC):
 def save_asset(
     path: str | os.PathLike[str],
     lods: Sequence[Lod],
-    instances: Sequence[tuple[int, ArrayLike]] | Placements = (),
+    instances: Sequence[tuple[int, ArrayLike]] | Placements | None = None,
     *,
     metadata: dict[str, Any] | None = None,
     exact: bool | None = None,
@@ -114,7 +114,7 @@ def save_asset(
     Returns its bytes.
 
     instances: which mesh is where: (index into `lods`, (3, 4) or (4, 4) matrix that takes column
-        vectors from the mesh to the world); or `Placements`, for millions of them. (): every mesh
+        vectors from the mesh to the world); or `Placements`, for millions of them. None: every mesh
         once, where it is. More than 65,536 are stored as a tree, which is read as views need
         it (docs/instances.md): in another order than they were given.
     metadata: what `Asset.info["metadata"]` shall be.
@@ -122,12 +122,14 @@ def save_asset(
     scene: what `Asset.scene` shall be.
     The rest is as `Lod.save` has it.
     """
-    if isinstance(instances, Placements) and not len(instances):
-        raise Error("the placements are empty, but an asset shows at least one instance")
+    if instances is not None and not len(instances):
+        raise Error(
+            "there are no instances, but an asset shows at least one; None shows every mesh once"
+        )
     around = origin_of(origin if origin is not None else lods[0].origin if lods else zero_origin())
-    if not len(instances) and any(not np.array_equal(lod.origin, around) for lod in lods):
+    if instances is None and any(not np.array_equal(lod.origin, around) for lod in lods):
         instances = [(k, np.eye(4)) for k in range(len(lods))]
-    meshes, transforms = _placed(lods, instances, around)
+    meshes, transforms = _placed(lods, () if instances is None else instances, around)
     folder = Path(os.fspath(path)).absolute().parent
     all_materials, firsts = _joined([lod._materials for lod in lods])
     materials, files = write_materials(all_materials, textures, folder, thread_count(threads))

@@ -51,7 +51,7 @@ class SceneLod(Savable):
         return f"<SceneLod: {len(self.lods)} meshes in {max(len(self.instances), 1)} instances>"
 
     def _saved(self) -> dict[str, Any]:
-        return {"lods": self.lods, "instances": self.instances, "scene": self._tree}
+        return {"lods": self.lods, "instances": self.instances or None, "scene": self._tree}
 
 
 def _summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:

@@ -99,8 +99,9 @@ def test_wrong_placements_are_refused(tmp_path: Path) -> None:
     lod = umbel.build_lod(umbel.shapes.blob(2, seed=1))
     with pytest.raises(umbel.Error, match="instance 1 is of mesh 4"):
         umbel.save_asset(tmp_path / "a.umbel", [lod], umbel.Placements(grid(3), [0, 4, 0]))
-    with pytest.raises(umbel.Error, match="placements are empty"):
-        umbel.save_asset(tmp_path / "a.umbel", [lod], umbel.Placements(grid(3)[:0]))
+    for none in (umbel.Placements(grid(3)[:0]), [], ()):
+        with pytest.raises(umbel.Error, match="there are no instances"):
+            umbel.save_asset(tmp_path / "a.umbel", [lod], none)
     assert not (tmp_path / "a.umbel").exists()
     broken = grid(3)
     broken[2, 0, 0] = np.nan
