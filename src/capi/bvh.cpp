@@ -63,6 +63,8 @@ typename Kind::Tree copied_tree(const typename Kind::Given* tree) {
   using Node = typename Kind::Node;
   using Given = typename Kind::Given;
   const Given given = read_struct(tree, "tree");
+  check_nameable(given.node_count, "tree->node_count");
+  check_nameable(given.primitive_count, "tree->primitive_count");
   const auto nodes = elements<const Node>(given.nodes, given.node_count, "tree->nodes");
   const auto primitives =
       elements<const uint32_t>(given.primitives, given.primitive_count, "tree->primitives");

@@ -65,6 +65,7 @@ Simd simd_of(uint32_t simd) {
 
 BvhMesh bvh_mesh(const umbel_bvh_mesh* mesh) {
   const umbel_bvh_mesh given = read_struct(mesh, "mesh");
+  check_nameable(given.position_count, "mesh->position_count");
   check_nameable(given.triangle_count, "mesh->triangle_count");
   BvhMesh result;
   result.view.positions = strided(given.positions, given.position_count, given.position_stride,

@@ -51,6 +51,8 @@ ClusterConfig cluster_config(const umbel_cluster_config* config) {
 
 Clusters given_clusters(const umbel_cluster_output* clusters) {
   const umbel_cluster_output given = read_struct(clusters, "clusters");
+  check_nameable(given.range_count, "clusters->range_count");
+  check_nameable(given.item_count, "clusters->item_count");
   if ((!given.ranges && given.range_count > 0) || (!given.items && given.item_count > 0))
     refuse("clusters->ranges or clusters->items is NULL");
   Clusters copied;
@@ -62,6 +64,7 @@ Clusters given_clusters(const umbel_cluster_output* clusters) {
 
 ItemCounts::ItemCounts(const umbel_cluster_input& in) : items(in.item_count) {
   check_nameable(in.item_count, "input->item_count");
+  check_nameable(in.segment_count, "input->segment_count");
   has_segments = in.segments != nullptr;
   segments = view<Range>(in.segments, in.segment_count, "input->segments");
 }
@@ -72,6 +75,8 @@ ClusterArrays::ClusterArrays(const umbel_cluster_input* input)
 ClusterArrays::ClusterArrays(const umbel_cluster_input& in) : counts_(in) {
   item_count_ = counts_.items;
   has_positions_ = in.positions != nullptr;
+  check_nameable(in.position_count, "input->position_count");
+  check_nameable(in.connection_count, "input->connection_count");
   if (in.item_vertices) {
     if (in.vertices_per_item == 0) refuse("input->vertices_per_item must be at least 1, not 0");
     input_.item_vertices = {in.item_vertices, in.item_count * in.vertices_per_item};

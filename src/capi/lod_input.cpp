@@ -147,6 +147,10 @@ LodMesh lod_mesh(const umbel_lod_mesh* given) {
   optional(view.colors, mesh.colors, mesh.color_stride, "mesh->colors", copied.colors);
   if (mesh.materials) view.materials = {mesh.materials, mesh.triangle_count};
   if (mesh.locked) result.locked = {mesh.locked, count};
+  if (mesh.extra_count > kMostExtraValues)
+    throw Error(ErrorCode::kInvalidArgument,
+                "mesh->extra_count is " + std::to_string(mesh.extra_count) + ", at most " +
+                    std::to_string(kMostExtraValues) + " are possible");
   if (mesh.extra_count > 0) {
     view.extras = elements<const Extra>(mesh.extras, mesh.extra_count, "mesh->extras");
     if (count > 0)

@@ -206,6 +206,8 @@ TEST(CapiBvhMistakes, meshes_that_no_tree_could_hold_are_refused) {
                  "mesh->triangles");
   expect_refused([](Call& c) { c.mesh.triangle_count = SIZE_MAX / 8; },
                  UMBEL_ERROR_INVALID_ARGUMENT, "mesh->triangle_count");
+  expect_refused([](Call& c) { c.mesh.position_count = size_t{1} << 32; },
+                 UMBEL_ERROR_INVALID_ARGUMENT, "mesh->position_count");
   expect_refused([](Call& c) { c.source.triangles[7][2] = 99999; }, UMBEL_ERROR_INVALID_MESH,
                  "triangle 7");
   expect_refused([](Call& c) { c.mesh.position_count = 0; }, UMBEL_ERROR_INVALID_MESH,
@@ -271,6 +273,10 @@ TEST(CapiBvhMistakes, trees_that_are_none_are_refused) {
                  "tree->nodes");
   expect_refused([](Tree& t) { t.tree.primitives = nullptr; }, UMBEL_ERROR_INVALID_ARGUMENT,
                  "tree->primitives");
+  expect_refused([](Tree& t) { t.tree.node_count = size_t{1} << 32; }, UMBEL_ERROR_INVALID_ARGUMENT,
+                 "tree->node_count");
+  expect_refused([](Tree& t) { t.tree.primitive_count = SIZE_MAX; }, UMBEL_ERROR_INVALID_ARGUMENT,
+                 "tree->primitive_count");
   expect_refused([](Tree& t) { t.nodes[0].first = 0; }, UMBEL_ERROR_CORRUPT, "node 0");
   expect_refused([](Tree& t) { t.nodes[0].first = kNone; }, UMBEL_ERROR_CORRUPT, "node 0");
   expect_refused([](Tree& t) { t.nodes[1].max.x = kNan; }, UMBEL_ERROR_CORRUPT, "node");

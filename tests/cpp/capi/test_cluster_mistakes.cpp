@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <string>
+#include <utility>
 
 #include "capi/cluster_call.hpp"
 
@@ -32,6 +33,9 @@ TEST(CapiMistakes, invalid_arguments_are_named) {
   const std::pair<std::function<void(GoodCall&)>, const char*> cases[] = {
       {[](GoodCall& c) { c.input.boxes = nullptr; }, "input->boxes"},
       {[](GoodCall& c) { c.input.item_count = size_t(1) << 32; }, "item_count"},
+      {[](GoodCall& c) { c.input.position_count = size_t(1) << 32; }, "position_count"},
+      {[](GoodCall& c) { c.input.segment_count = size_t(1) << 32; }, "segment_count"},
+      {[](GoodCall& c) { c.input.connection_count = size_t(1) << 32; }, "connection_count"},
       {[](GoodCall& c) { c.input.vertices_per_item = 0; }, "vertices_per_item"},
       {[](GoodCall& c) { c.input.segment_count = 1; }, "input->segments"},
       {[](GoodCall& c) { c.input.connection_count = 1; }, "connection_ranges"},
@@ -213,6 +217,11 @@ TEST(CapiMistakes, clusters_that_are_none_are_named) {
   c.ranges[1].count = 1;
   c.items[2] = 1u << 30;
   expect_failure(measure(), invalid, "items[2]");
+  for (size_t* const count : {&c.output.range_count, &c.output.item_count}) {
+    const size_t before = std::exchange(*count, SIZE_MAX);
+    expect_failure(measure(), invalid, "_count");
+    *count = before;
+  }
   c.output.items = nullptr;
   expect_failure(measure(), invalid, "NULL");
 }

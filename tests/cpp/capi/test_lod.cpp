@@ -246,6 +246,13 @@ TEST(LodFromC, counts_beyond_32_bits_are_named) {
   EXPECT_EQ(umbel_lod_build(&given, nullptr, nullptr, &lod), UMBEL_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(umbel_last_error(), "mesh->triangle_count is " + std::to_string(SIZE_MAX / 8) +
                                     ", more than 32-bit indices can name");
+  given = c_mesh(mesh);
+  const umbel_extra extra{UMBEL_EXTRA_UVS, 1};
+  given.extras = &extra;
+  given.extra_count = SIZE_MAX;
+  EXPECT_EQ(umbel_lod_build(&given, nullptr, nullptr, &lod), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(umbel_last_error(),
+            "mesh->extra_count is " + std::to_string(SIZE_MAX) + ", at most 40 are possible");
 }
 
 TEST(LodFromC, gives_cuts_as_meshes_and_files) {
