@@ -6,7 +6,6 @@
 #include "base/refuse.hpp"
 
 namespace umbel::trace {
-namespace {}  // namespace
 
 void check_picture_size(uint32_t width, uint32_t height) {
   constexpr uint32_t kLargest = 32768;
@@ -41,7 +40,10 @@ RayCamera::RayCamera(const Camera& camera, uint32_t width, uint32_t height)
   // Looking along `up`, any picture is upright.
   if (is_black(right)) right = basis_around(forward).x;
   basis_ = {right, cross(right, forward), -forward};
-  if (focus_distance_ == 0.0f) focus_distance_ = length(camera.target - camera.position);
+  // In doubles, which hold the squares of all floats.
+  if (focus_distance_ == 0.0f)
+    focus_distance_ =
+        static_cast<float>(length(to_double(camera.target) - to_double(camera.position)));
 }
 
 Ray RayCamera::ray(float x, float y, const Vec2& lens) const {

@@ -244,5 +244,20 @@ TEST(RayCamera, a_lens_keeps_what_it_focuses_on_sharp) {
   }
 }
 
+TEST(RayCamera, a_lens_focuses_at_the_target_in_scenes_of_any_size) {
+  for (const float size : {1e-25f, 1.0f, 1e25f}) {
+    Camera camera = from_above(10.0f * size, 0.5f);
+    camera.lens_radius = 0.3f * size;
+    const RayCamera lens(camera, 64, 64);
+    camera.lens_radius = 0.0f;
+    const Ray center = RayCamera(camera, 64, 64).ray(20.0f, 50.0f, {0, 0});
+    const Ray ray = lens.ray(20.0f, 50.0f, {0.1f, 0.9f});
+    const auto at_plane = [](const Ray& r) {
+      return r.origin.x - r.origin.z / r.direction.z * r.direction.x;
+    };
+    EXPECT_NEAR(at_plane(ray) / size, at_plane(center) / size, 1e-4f) << size;
+  }
+}
+
 }  // namespace
 }  // namespace umbel::trace
