@@ -58,8 +58,9 @@ typedef enum umbel_lod_refusal {
   UMBEL_LOD_REFUSED_EDGES = 4,       ///< edges of the group's border are missing, or edges are
                                      ///< open, or have more than two triangles, or triangles that
                                      ///< run the wrong way along them, that must not
-  UMBEL_LOD_REFUSED_TAKEN_EDGE = 5   ///< another group has made the same new edge between two
+  UMBEL_LOD_REFUSED_TAKEN_EDGE = 5,  ///< another group has made the same new edge between two
                                      ///< locked vertices: this group may make none at all
+  UMBEL_LOD_REFUSED_TURNED_OVER = 6  ///< a connected component faces the other way
 } umbel_lod_refusal;
 
 /// One group for a decimation of the caller's own, see umbel_lod_config.

@@ -120,6 +120,8 @@ class Answer {
 
 static_assert(uint32_t{UMBEL_LOD_REFUSED_TAKEN_EDGE} ==
               uint32_t(lod::DecimationRefusal::Reason::kTakenEdge));
+static_assert(uint32_t{UMBEL_LOD_REFUSED_TURNED_OVER} ==
+              uint32_t(lod::DecimationRefusal::Reason::kTurnedOver));
 
 }  // namespace
 

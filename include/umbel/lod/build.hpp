@@ -147,8 +147,9 @@ struct DecimationRefusal {
                           ///< them, that must not
     kTakenEdge = 5,       ///< another group has made the same new edge between two locked vertices:
                           ///< this group may make none at all
+    kTurnedOver = 6,      ///< a connected component faces the other way
   } reason = Reason::kNone;
-  uint32_t triangle = kNone;  ///< kDegenerate, kMixedMaterials: of the result
+  uint32_t triangle = kNone;  ///< kDegenerate, kMixedMaterials, kTurnedOver: of the result
   /// kEdges: pairs of vertices, as the result numbers them. Of several vertices at a position it is
   /// the first.
   std::vector<std::array<uint32_t, 2>> edges;

@@ -5,6 +5,9 @@
 #include <functional>
 #include <string>
 #include <utility>
+#include <vector>
+
+#include "base/math.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -78,6 +81,70 @@ bool is_consistently_oriented(GroupMesh& group) {
   return std::ranges::adjacent_find(sides) == sides.end();
 }
 
+// For each triangle (as positions) the lowest of those that it is joined with by edges.
+std::vector<uint32_t> joined_by_edges(std::span<const Triangle> triangles) {
+  std::vector<std::pair<uint64_t, uint32_t>> edges;
+  std::vector<uint32_t> joined(triangles.size());
+  for (uint32_t i = 0; i < triangles.size(); ++i) {
+    const auto [a, b, c] = triangles[i];
+    for (const PositionPair& edge : {PositionPair{a, b}, {b, c}, {c, a}})
+      edges.push_back({edge_key(edge), i});
+    joined[i] = i;
+  }
+  std::ranges::sort(edges);
+  const auto lowest = [&](uint32_t i) {
+    while (joined[i] != i) i = joined[i] = joined[joined[i]];
+    return i;
+  };
+  for (size_t e = 1; e < edges.size(); ++e) {
+    if (edges[e].first != edges[e - 1].first) continue;
+    const uint32_t a = lowest(edges[e].second), b = lowest(edges[e - 1].second);
+    joined[std::max(a, b)] = std::min(a, b);
+  }
+  for (uint32_t& i : joined) i = lowest(i);
+  return joined;
+}
+
+// Of each position: the sum of its triangles' area vectors, and of their areas.
+struct AreaAround {
+  Vec3d vector{0, 0, 0};
+  double area = 0;
+};
+
+// The first triangle of a component that faces against what its vertices faced before, or kNone.
+// Edges do not tell where no neighbour has any of them. What has only new vertices is not known.
+uint32_t first_turned(GroupMesh& group, std::span<const Triangle> triangles) {
+  std::vector<Vec3d> at(group.position_count());
+  for (uint32_t v = 0; v < group.vertices.size(); ++v)
+    at[group.position_of[v]] = to_double(group.positions[v]);
+  const auto area_vector = [&](const Triangle& t) {
+    return cross(at[t[1]] - at[t[0]], at[t[2]] - at[t[0]]);
+  };
+  std::vector<AreaAround> before(at.size());
+  for (const Triangle& t : group.position_triangles()) {
+    const Vec3d vector = area_vector(t);
+    for (const uint32_t p : t) {
+      before[p].vector = before[p].vector + vector;
+      before[p].area += length(vector);
+    }
+  }
+  std::vector<Triangle> as_positions;
+  for (const Triangle& t : triangles) as_positions.push_back(group.positions_of(t));
+  const std::vector<uint32_t> component = joined_by_edges(as_positions);
+  std::vector<double> agreement(triangles.size(), 0), most(triangles.size(), 0);
+  for (uint32_t i = 0; i < triangles.size(); ++i) {
+    const Vec3d vector = area_vector(as_positions[i]);
+    for (const uint32_t p : as_positions[i]) {
+      agreement[component[i]] += dot(vector, before[p].vector);
+      most[component[i]] += length(vector) * before[p].area;
+    }
+  }
+  // A flat body, whose vertices all have triangles of both sides, faces nowhere but for rounding.
+  for (uint32_t i = 0; i < triangles.size(); ++i)
+    if (agreement[i] < -0.01 * most[i]) return i;
+  return kNone;
+}
+
 // Of a result whose vertices have been appended to the group; no reason where there is none.
 DecimationRefusal refusal_of(GroupMesh& group, CandidateCheck& check,
                              std::span<const Triangle> triangles) {
@@ -87,8 +154,13 @@ DecimationRefusal refusal_of(GroupMesh& group, CandidateCheck& check,
     if (group.mixes_materials({&triangles[i], 1})) return {Reason::kMixedMaterials, i, {}};
   }
   DecimationRefusal refusal;
-  const auto faults = check.faults(triangles, is_consistently_oriented(group));
-  if (faults.empty()) return refusal;
+  const bool is_oriented = is_consistently_oriented(group);
+  const auto faults = check.faults(triangles, is_oriented);
+  if (faults.empty()) {
+    if (is_oriented) refusal.triangle = first_turned(group, triangles);
+    if (refusal.triangle != kNone) refusal.reason = Reason::kTurnedOver;
+    return refusal;
+  }
   refusal.reason = Reason::kEdges;
   const std::vector<uint32_t> first = first_vertices(group);
   for (const auto& [a, b] : faults) refusal.edges.push_back({first[a], first[b]});
@@ -174,6 +246,8 @@ std::string to_string(const DecimationRefusal& refusal) {
                     std::to_string(refusal.edges[0][1]);
       return sentence;
     }
+    case Reason::kTurnedOver:
+      return triangle + " and all that is joined to it are turned over";
     case Reason::kTakenEdge:
       return "another group has made the same edge between two locked vertices: make none";
   }

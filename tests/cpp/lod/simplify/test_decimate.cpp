@@ -142,6 +142,39 @@ TEST(Decimator, that_turns_triangles_over_is_not_used) {
     }
 }
 
+// No neighbour has an edge of theirs.
+TEST(Decimator, that_turns_whole_components_over_is_not_used) {
+  Mesh mesh;
+  const auto add = [&](const Mesh& part, float x) {
+    const auto first = static_cast<uint32_t>(mesh.positions.size());
+    for (const Vec3& p : part.positions) mesh.positions.push_back({p.x + x, p.y, p.z});
+    for (const Triangle& t : part.triangles)
+      mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  };
+  for (int k = 0; k < 4; ++k) add(k % 2 == 0 ? shapes::blob(3, 4) : shapes::grid(20, 20), 4.0f * k);
+  for (const bool turns : {false, true}) {
+    std::atomic<size_t> told = 0;
+    const Dag dag =
+        build(mesh.view(), testing::small_config(), {},
+              [&](const DecimationInput& input, DecimationResult& result) {
+                if (input.refused) {
+                  using Reason = DecimationRefusal::Reason;
+                  const bool is_turned = input.refused->reason == Reason::kTurnedOver;
+                  told += is_turned;
+                  if (is_turned) EXPECT_NE(input.refused->triangle, kNone);
+                  return false;
+                }
+                merge_edges(input, result);
+                if (turns && std::ranges::all_of(input.locked, [](uint8_t l) { return !l; }))
+                  for (Triangle& t : result.triangles) std::swap(t[0], t[1]);
+                return true;
+              });
+    EXPECT_EQ(told > 0, turns);
+    const VerifyReport report = check(dag, mesh);
+    EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
+  }
+}
+
 // It mends what it is told.
 TEST(Decimator, is_told_why_and_may_try_again) {
   using Reason = DecimationRefusal::Reason;
