@@ -345,6 +345,8 @@ def _locked(locked: ArrayLike) -> NDArray[np.uint8]:
     given = array_of("locked", locked)
     if given.ndim != 1:
         raise Error(f"locked must have shape (n,), not {given.shape}")
+    if given.dtype != bool and not np.isin(given, (0, 1)).all():
+        raise Error(f"locked must be true or false for each vertex, not numbers ({given.dtype})")
     return np.ascontiguousarray(given.astype(bool)).view(np.uint8)
 
 

@@ -120,6 +120,7 @@ def test_limits_and_group_sizes_are_kept(blob: umbel.Mesh) -> None:
         ({"group_size": (2.7, 8)}, "group"),
         ({"group_size": "24"}, "group"),
         ({"locked": np.zeros((4, 1))}, "locked must have shape"),
+        ({"locked": np.arange(4)}, r"locked must be true or false .*, not numbers \(int"),
         ({"ratio": 0.99}, "ratio"),
         ({"attributes": "some"}, "some"),
         ({"precision": "soon"}, "precision"),
