@@ -181,7 +181,7 @@ def main() -> None:
     # One shape in several sizes, without normals and with them.
     shape = umbel.shapes.blob(4, seed=5)
     directions = shape.positions / np.linalg.norm(shape.positions, axis=1, keepdims=True)
-    for exponent in (-21, -3, 0, 15):
+    for exponent in (-30, -21, -3, 0, 15):
         positions = (shape.positions.astype(np.float64) * 10.0**exponent).astype(np.float32)
         for kind, normals in (("flat", None), ("smooth", directions)):
             sized = umbel.Mesh(positions, shape.triangles, normals=normals)

@@ -103,7 +103,7 @@ export class PreviewRenderer {
       ? translated(pose, stream.info.origin, -1)
       : homePose(boundsOf(stream.info), width / height);
     const distance = Math.hypot(...position.map((x, i) => x - (sphere.center[i] as number)));
-    const unit = sceneUnit(sphere.radius);
+    const unit = sceneUnit(stream.info);
     const { near, far } = depthsOf(unit * distance, unit * sphere.radius);
     const projection = perspective(FOV, width / height, near, far);
     const view = viewMatrix(position, target);

@@ -1,6 +1,6 @@
 // The camera's first pose and its depth range.
 
-import { type Bounds, boundsOf } from "umbel";
+import { type AssetInfo, type Bounds, boundsOf } from "umbel";
 import type { CameraPose } from "../state";
 
 /** Vertical field of view, in degrees. */
@@ -39,11 +39,14 @@ export function boundingSphereOf(info: Boxes): Sphere {
 /**
  * Lengths in the scene for each of an asset: a power of two, so that positions round the same. Shaders
  * square lengths, and the controls ignore small ones, so the scene is neither very small nor very large.
+ * Normals, which shaders scale too, limit the factor.
  */
-export function sceneUnit(radius: number): number {
+export function sceneUnit(info: AssetInfo): number {
+  const { radius } = boundingSphereOf(info);
   if (!(radius > 0)) return 1;
+  const hasNormals = info.meshes.some(({ attributes }) => attributes.includes("normals"));
   const exponent = Math.floor(Math.log2(radius));
-  return 2 ** Math.min(Math.min(Math.max(exponent, 0), 12) - exponent, 58);
+  return 2 ** Math.min(Math.min(Math.max(exponent, 0), 12) - exponent, hasNormals ? 58 : 120);
 }
 
 /** The nearest pose that shows a whole box; `aspect` is the picture's width over height. */

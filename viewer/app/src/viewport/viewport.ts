@@ -13,7 +13,7 @@ import {
 import type { ClusterInfo, UmbelIntersection, UmbelMesh } from "umbel/three";
 import { MAX_PIXEL_RATIO, type State } from "../state";
 import { Background } from "./background";
-import { boundingSphereOf, sceneUnit } from "./camera";
+import { sceneUnit } from "./camera";
 import { ClusterBoxes } from "./cluster_boxes";
 import { makeEnvironment } from "./environment";
 import { dividerAt, type Pane, panesOf } from "./layout";
@@ -160,7 +160,7 @@ export class Viewport {
     // The scene's zero is that of the first asset, so drawn coordinates are small, and so is its unit.
     const [first] = this.meshes;
     this.camera.origin = first?.origin ?? [0, 0, 0];
-    this.camera.unit = first ? sceneUnit(boundingSphereOf(first.info).radius) : 1;
+    this.camera.unit = first ? sceneUnit(first.info) : 1;
     for (const each of this.meshes) {
       each?.setSceneOrigin(this.camera.origin);
       each?.position.multiplyScalar(this.camera.unit);
