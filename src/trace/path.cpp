@@ -4,6 +4,7 @@
 
 #include <limits>
 #include <numbers>
+#include <vector>
 
 #include "bvh/tree/node_area.hpp"
 #include "trace/layers.hpp"
@@ -120,6 +121,7 @@ class Path {
   /// The nearest opaque hit, at which the search ends, is found separately.
   [[gnu::noinline]] SceneHit look_through(Ray ray, SceneHit hit, RayKinds kind) {
     SceneHit opaque;
+    ahead_.clear();
     for (uint32_t layer = 0; hit.hit(); ++layer) {
       const Passage passage = passage_at(scene_, hit, ray.direction);
       if (passage.stop >= 1.0f || layer == kMostLayers) return hit;
@@ -146,7 +148,7 @@ class Path {
   /// What is not opaque behind a hit or in its plane.
   SceneHit next_layer(const Ray& ray, const SceneHit& hit, RayKinds kind) {
     ++counts_.continued;
-    return scene_.next(ray, hit, {.mask = kSeeThroughBit}, kind);
+    return scene_.next(ray, hit, {.mask = kSeeThroughBit}, kind, ahead_);
   }
 
   /// The transmittance along a ray.
@@ -162,6 +164,7 @@ class Path {
     Vec3 through{1, 1, 1};
     float crossed = 0.0f;
     ++counts_.continued;
+    ahead_.clear();
     SceneHit hit = scene_.intersect(ray, {.mask = kSeeThroughBit}, kOtherRays);
     for (uint32_t layer = 0; layer < kMostLayers; ++layer) {
       if (!hit.hit()) return through;
@@ -328,9 +331,10 @@ class Path {
   Statistics& counts_;
   Vec3 eye_{0, 0, 0};
   uint32_t dimension_ = 0;
-  uint32_t body_ = kNone;  ///< the material of the body that the path is in
-  float crossed_ = 0.0f;   ///< where along the ray it last went into a body or out of one
-  float density_ = 0.0f;   ///< of the last scattering
+  uint32_t body_ = kNone;        ///< the material of the body that the path is in
+  std::vector<SceneHit> ahead_;  ///< see Scene::Data::next
+  float crossed_ = 0.0f;         ///< where along the ray it last went into a body or out of one
+  float density_ = 0.0f;         ///< of the last scattering
   Vec3 throughput_{1, 1, 1};
   Vec3 light_{0, 0, 0};
 };

@@ -126,8 +126,13 @@ Vec3 mean_emission(const Scene::Data& scene, const Material& m) {
 }
 
 SceneHit Scene::Data::next(const Ray& ray, const SceneHit& after, const RayOptions& options,
-                           RayKinds kind) const {
-  if (clusters) return clusters->next(ray, after, options, kind);
+                           RayKinds kind, std::vector<SceneHit>& ahead) const {
+  if (!ahead.empty()) {
+    const SceneHit hit = ahead.back();
+    ahead.pop_back();
+    return hit;
+  }
+  if (clusters) return clusters->next(ray, after, options, kind, ahead);
   Ray rest = ray;
   rest.t_min = after.t;
   // The hits at the same t come before it: that one, and mostly no other.
@@ -135,8 +140,9 @@ SceneHit Scene::Data::next(const Ray& ray, const SceneHit& after, const RayOptio
   std::vector<Hit> many;
   for (std::span<Hit> hits = few;; hits = many) {
     const size_t count = structure->all_hits(rest, hits, options);
-    for (size_t i = 0; i < count; ++i)
-      if (const SceneHit hit{{hits[i]}, 0}; after.precedes(hit)) return hit;
+    for (size_t i = count; i > 0 && after.precedes({{hits[i - 1]}, 0}); --i)
+      ahead.push_back({{hits[i - 1]}, 0});
+    if (!ahead.empty()) return next(ray, after, options, kind, ahead);
     if (count < hits.size()) return {};
     many.resize(2 * hits.size());
   }

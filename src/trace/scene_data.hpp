@@ -78,9 +78,10 @@ struct Scene::Data {
     if (clusters) return clusters->intersect(ray, options, kind);
     return {{structure->intersect(ray, options)}, 0};
   }
-  /// The hit that comes next behind another of the same ray, or at the same t.
-  SceneHit next(const Ray& ray, const SceneHit& after, const RayOptions& options,
-                RayKinds kind) const;
+  /// The hit that comes next behind another of the same ray, or at the same t. `ahead` keeps what
+  /// follows it, where that is known, for the next call: it is empty before the first of a ray.
+  SceneHit next(const Ray& ray, const SceneHit& after, const RayOptions& options, RayKinds kind,
+                std::vector<SceneHit>& ahead) const;
   /// Whether anything occludes a shadow or bounce ray.
   bool occluded(const Ray& ray, const RayOptions& options = {}) const {
     return clusters ? clusters->occluded(ray, options, kOtherRays)

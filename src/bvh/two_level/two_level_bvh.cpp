@@ -151,14 +151,19 @@ InstanceHit TwoLevelBvh::intersect(const Ray& ray, const RayOptions& options,
 }
 
 InstanceHit TwoLevelBvh::next(Ray ray, const InstanceHit& after, const RayOptions& options,
-                              uint32_t ray_kind) const {
+                              uint32_t ray_kind, std::vector<InstanceHit>& ahead) const {
   InstanceHit best;
   ray.t_min = after.t;
-  visit(top_level_for(ray_kind), ray, options, [&](const InstanceHit& hit, float limit) {
+  ahead.clear();
+  visit(top_level_for(ray_kind), ray, options, [&](InstanceHit hit, float limit) {
     if (!after.precedes(hit)) return limit;
-    if (hit.precedes(best)) best = hit;
-    return hit.t;
+    if (hit.t < best.t) ahead.clear();
+    if (hit.precedes(best)) std::swap(hit, best);
+    if (hit.t == best.t) ahead.push_back(hit);
+    return best.t;
   });
+  std::ranges::sort(ahead,
+                    [](const InstanceHit& a, const InstanceHit& b) { return b.precedes(a); });
   return best;
 }
 

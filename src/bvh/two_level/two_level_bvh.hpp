@@ -48,9 +48,10 @@ class TwoLevelBvh {
   /// `ray_kind` is kPrimaryRays or kSecondaryRays.
   InstanceHit intersect(const Ray& ray, const RayOptions& options, uint32_t ray_kind) const;
   bool occluded(const Ray& ray, const RayOptions& options, uint32_t ray_kind) const;
-  /// The first hit that `after`, one of the same ray, precedes.
-  InstanceHit next(Ray ray, const InstanceHit& after, const RayOptions& options,
-                   uint32_t ray_kind) const;
+  /// The first hit that `after`, one of the same ray, precedes. The others at its t go to `ahead`,
+  /// the last one first.
+  InstanceHit next(Ray ray, const InstanceHit& after, const RayOptions& options, uint32_t ray_kind,
+                   std::vector<InstanceHit>& ahead) const;
 
   const InstanceTransform& transform(uint32_t index) const { return transforms_[index]; }
   /// Of what primary rays meet.

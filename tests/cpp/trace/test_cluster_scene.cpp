@@ -237,7 +237,7 @@ TEST(ClusterScene, hits_at_the_same_t_follow_each_other) {
   ray.direction = {0, 0, 1};
   SceneHit hit = data.intersect(ray);
   std::vector<std::array<float, 3>> found;
-  for (; hit.hit(); hit = data.next(ray, hit, {}, kCameraRays))
+  for (; hit.hit(); hit = data.next(ray, hit, {}, kCameraRays, ahead))
     found.push_back({hit.t, float(hit.primitive), float(hit.transform)});
   const std::vector<std::array<float, 3>> expected = {{1, 0, 0}, {1, 0, 1}, {1, 1, 0},
                                                       {1, 1, 1}, {2, 2, 0}, {2, 2, 1}};
@@ -259,6 +259,7 @@ TEST(ClusterScene, refuses_what_does_not_fit) {
   scene = good;
   scene.parts[0].geometry.triangles.clear();
   EXPECT_THROW(Scene::build(scene, {}), Error);
+  std::vector<SceneHit> ahead;
   scene = good;
   scene.parts[0].geometry.triangles[0] = 255;
   EXPECT_THROW(Scene::build(scene, {}), Error);

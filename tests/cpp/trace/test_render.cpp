@@ -299,6 +299,21 @@ TEST(Render, every_veil_in_one_plane_counts) {
   }
 }
 
+TEST(Render, a_thousand_veils_in_one_plane_are_seen_through) {
+  Material veil = lambert(0.0f);
+  veil.alpha = 0.001f;
+  veil.alpha_mode = AlphaMode::kBlend;
+  Mesh mesh = square(100);
+  for (uint32_t k = 0; k < 1000; ++k) append(mesh, square(100), {0, 0, 0.5f}, 1);
+  const std::vector<Material> materials = {emitter(1), veil};
+  const Scene scene = scene_of(mesh, materials, constant(1));
+  const Camera camera = from_above(1.0f, 0.05f);
+  const Settings settings = small_picture(4, 64);
+  const Picture picture = render(scene, camera, settings);
+  EXPECT_NEAR(mean(picture.image), std::pow(1.0 - 0.001, 1000), 0.05);
+  EXPECT_LT(picture.statistics.seconds, 20.0);
+}
+
 TEST(Render, holes_of_a_cut_out_texture_are_not_there) {
   // Left half of the image opaque, right half a hole.
   const std::vector<uint8_t> texels = {0, 0, 0, 255, 255, 255, 255, 0};
