@@ -151,14 +151,14 @@ class Path {
     return scene_.next(ray, hit, {.mask = kSeeThroughBit}, kind, ahead_);
   }
 
-  /// The transmittance along a ray.
-  Vec3 visibility(const Ray& ray) {
+  /// The transmittance along a ray that starts in a body, or in none.
+  Vec3 visibility(const Ray& ray, uint32_t body) {
     ++counts_.shadow;
-    if (scene_.see_through) return visibility_through(ray);
+    if (scene_.see_through) return visibility_through(ray, body);
     return scene_.occluded(ray) ? Vec3{0, 0, 0} : Vec3{1, 1, 1};
   }
 
-  [[gnu::noinline]] Vec3 visibility_through(const Ray& ray) {
+  [[gnu::noinline]] Vec3 visibility_through(const Ray& ray, uint32_t body) {
     const Vec3 none{0, 0, 0};
     if (scene_.occluded(ray, {.mask = kOpaqueBit})) return none;
     Vec3 through{1, 1, 1};
@@ -171,9 +171,14 @@ class Path {
       const Passage passage = passage_at(scene_, hit, ray.direction);
       through = through * passage.through;
       if (is_black(through)) return none;
-      if (passage.leaves_body)
-        through = through * absorbed(scene_.triangles[hit.primitive].material, hit.t - crossed);
-      if (passage.leaves_body || passage.enters_body) crossed = hit.t;
+      if (passage.leaves_body || passage.enters_body) {
+        const uint32_t material = scene_.triangles[hit.primitive].material;
+        // Where bodies touch, the next may be entered before the last is left.
+        if (passage.leaves_body) body = material;
+        if (body != kNone) through = through * absorbed(body, hit.t - crossed);
+        body = passage.enters_body ? material : kNone;
+        crossed = hit.t;
+      }
       hit = next_layer(ray, hit, kOtherRays);
     }
     return none;
@@ -271,6 +276,13 @@ class Path {
             scene_.light_density[record.material] * far * far / cosine};
   }
 
+  /// The body that a ray from a surface is in.
+  template <typename B>
+  uint32_t body_beyond(const Surface& surface, const Vec3& local) const {
+    if (!B::kTransmits || local.z >= 0.0f || !scene_.materials[surface.material].body) return body_;
+    return surface.behind ? kNone : surface.material;
+  }
+
   /// A shading normal may ask for light that is on the other side of the triangle.
   template <typename B>
   static bool on_same_side(const Surface& surface, const Vec3& direction, const Vec3& local) {
@@ -290,7 +302,7 @@ class Path {
     const Vec3 light = throughput_ * value.value * sample.radiance * weight;
     Ray ray = ray_from(surface, sample.direction);
     ray.t_max = distance;
-    const Vec3 through = visibility(ray);
+    const Vec3 through = visibility(ray, body_beyond<B>(surface, local));
     if (!is_black(through)) add(light * through, bounce > 0);
   }
 
@@ -303,8 +315,7 @@ class Path {
     if (!(sample.density > 0.0f)) return false;
     const Vec3 direction = basis.to_world(sample.direction);
     if (!on_same_side<B>(surface, direction, sample.direction)) return false;
-    if (B::kTransmits && sample.direction.z < 0.0f && scene_.materials[surface.material].body)
-      body_ = surface.behind ? kNone : surface.material;
+    body_ = body_beyond<B>(surface, sample.direction);
     throughput_ = throughput_ * sample.weight;
     if (bounce + 1 >= context_.settings.roulette_from) {
       const float survival = std::min(max_component(throughput_), 0.95f);

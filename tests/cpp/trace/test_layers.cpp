@@ -88,6 +88,29 @@ TEST(Layers, a_body_takes_what_its_length_takes) {
               0.01);
 }
 
+TEST(Layers, bodies_that_touch_take_what_both_take_whichever_comes_first) {
+  std::vector<Material> materials(3, glass());
+  materials[0] = lambert(1.0f);
+  for (Material& m : materials) m.ior = 1.0f, m.attenuation_distance = 1.0f, m.specular = 0.0f;
+  materials[1].attenuation_color = {0.5f, 0.5f, 0.5f};
+  materials[2].attenuation_color = {0.8f, 0.8f, 0.8f};
+  Settings settings = small_picture(8, 64);
+  settings.max_bounces = 0;
+  const Environment sun = lone_sun({0, 0, 1});
+  const double bare = mean(picture_of(square(100), materials, sun, settings));
+  for (const bool lower_first : {false, true}) {
+    for (const uint32_t upper : {1u, 2u}) {  // above the camera
+      Mesh mesh = square(100);
+      if (lower_first) append(mesh, slab(0.5f), {0, 0, 5.5f}, 1);
+      append(mesh, slab(0.5f), {0, 0, 6.5f}, upper);
+      if (!lower_first) append(mesh, slab(0.5f), {0, 0, 5.5f}, 1);
+      const double expected = 0.5 * materials[upper].attenuation_color.x;
+      EXPECT_NEAR(mean(picture_of(mesh, materials, sun, settings)) / bare, expected, 0.005)
+          << lower_first << upper;
+    }
+  }
+}
+
 TEST(Layers, what_stands_in_a_body_is_seen_through_it) {
   Material m = glass();
   m.attenuation_color = {0.5f, 0.5f, 0.5f};
