@@ -28,8 +28,9 @@ struct TextureUse {
   Vec2 offset{0, 0};
   Vec2 scale{1, 1};
   float rotation = 0.0f;  ///< radians, counter-clockwise with v down
-  uint32_t uv_set = 0;    ///< 0: MeshView::uvs; others: its ExtraKind::kUvs of this set, and zeros
-                          ///< where the mesh has none
+  /// 0: MeshView::uvs; up to 63: its ExtraKind::kUvs of this set. Without these the texture is left
+  /// out.
+  uint32_t uv_set = 0;
 };
 
 enum class AlphaMode : uint32_t {

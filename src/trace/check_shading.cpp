@@ -8,8 +8,6 @@
 namespace umbel::trace {
 namespace {
 
-constexpr uint32_t kMostUvSets = 64;
-
 struct NumberField {
   const char* name;
   float Material::* value;
@@ -95,8 +93,8 @@ void check_use(const std::string& what, const TextureUse& use, size_t textures) 
   if (!std::isfinite(double{use.offset.x} + use.offset.y + use.scale.x + use.scale.y +
                      use.rotation))
     refuse(what + " transforms its texture by numbers that are not finite");
-  if (use.uv_set > kMostUvSets)
-    refuse(what + " uses the UVs " + std::to_string(use.uv_set) + ", but there are at most 64");
+  if (use.uv_set >= kMostUvSets)
+    refuse(what + " uses the UVs " + std::to_string(use.uv_set) + ", but the last are 63");
 }
 
 void check_material(const Material& m, size_t index, size_t textures) {
@@ -143,6 +141,21 @@ std::array<const TextureUse*, 16> texture_uses(const Material& m) {
   static_assert(kTextures.size() == uses.size());
   for (size_t i = 0; i < uses.size(); ++i) uses[i] = &(m.*kTextures[i].use);
   return uses;
+}
+
+UvSets uv_sets_used(const Material& material) {
+  UvSets sets = 0;
+  for (const TextureUse* use : texture_uses(material))
+    if (use->texture != kNone) sets |= UvSets{1} << use->uv_set;
+  return sets;
+}
+
+Material with_uv_sets(Material material, UvSets sets) {
+  for (const TextureField& field : kTextures) {
+    TextureUse& use = material.*field.use;
+    if (use.texture != kNone && (sets >> use.uv_set & 1) == 0) use.texture = kNone;
+  }
+  return material;
 }
 
 void check_shading(const MeshView& mesh, const Shading& shading) {

@@ -1,5 +1,7 @@
 // Building a scene: checks, copies, lights.
 #include <array>
+#include <bit>
+#include <map>
 #include <string>
 #include <utility>
 
@@ -59,21 +61,22 @@ void copy(std::span<const T> from, std::vector<T>& to) {
   to.assign(from.begin(), from.end());
 }
 
+UvSets uv_sets_in(bool has_first, std::span<const Extra> extras) {
+  UvSets sets = has_first ? 1 : 0;
+  for (const Extra& extra : extras)
+    if (extra.kind == ExtraKind::kUvs && extra.set < kMostUvSets) sets |= UvSets{1} << extra.set;
+  return sets;
+}
+
 /// Those sets of texture coordinates beyond the first that materials use.
 void copy_uv_sets(const MeshView& mesh, Scene::Data& scene) {
-  std::vector<bool> used;
-  for (const Material& m : scene.materials) {
-    for (const TextureUse* use : texture_uses(m)) {
-      if (use->texture == kNone || use->uv_set == 0) continue;
-      used.resize(std::max<size_t>(used.size(), use->uv_set));
-      used[use->uv_set - 1] = true;
-    }
-  }
-  scene.uv_sets.resize(used.size());
+  UvSets used = 0;
+  for (const Material& m : scene.materials) used |= uv_sets_used(m);
+  scene.uv_sets.resize(used > 1 ? std::bit_width(used) - 1 : 0);
   const uint32_t width = extra_width(mesh.extras);
   uint32_t column = 0;
   for (const Extra& extra : mesh.extras) {
-    if (extra.kind == ExtraKind::kUvs && extra.set <= used.size() && used[extra.set - 1]) {
+    if (extra.kind == ExtraKind::kUvs && extra.set < kMostUvSets && (used >> extra.set & 1) != 0) {
       std::vector<Vec2>& to = scene.uv_sets[extra.set - 1];
       to.resize(mesh.positions.size());
       for (size_t i = 0; i < to.size(); ++i) {
@@ -94,7 +97,8 @@ void fill(Scene::Data& scene, const MeshView& mesh, const Shading& shading) {
   // Beyond 0 and 1 a surface would send out more light than it gets, or less than none.
   for (Vec4& c : scene.colors)
     for (float* part : {&c.x, &c.y, &c.z, &c.w}) *part = std::clamp(*part, 0.0f, 1.0f);
-  copy(shading.materials, scene.materials);
+  const UvSets sets = uv_sets_in(!mesh.uvs.empty(), mesh.extras);
+  for (const Material& m : shading.materials) scene.materials.push_back(with_uv_sets(m, sets));
   if (scene.materials.empty()) scene.materials.push_back(default_material());
   for (const TextureView& texture : shading.textures) scene.textures.emplace_back(texture);
   scene.triangles.resize(mesh.triangles.size());
@@ -240,7 +244,8 @@ uint32_t material_of(const ClusterPart& part, size_t vertex) {
   return value >= 0 && value <= 0x1p24f ? static_cast<uint32_t>(value) : 0;
 }
 
-/// What only some parts have is zero in the others, which a hit takes for nothing, or white.
+/// What only some parts have is zero in the others, which a hit takes for nothing, or white. For
+/// textures see `fit_materials`.
 Joined joined(const ClusterScene& clusters, std::span<const Material> materials) {
   Joined all;
   Mesh& mesh = all.mesh;
@@ -284,6 +289,32 @@ Joined joined(const ClusterScene& clusters, std::span<const Material> materials)
   return all;
 }
 
+/// Gives triangles of parts that lack texture coordinates which others have materials without the
+/// textures that need them. Returns all materials.
+std::vector<Material> fit_materials(const ClusterScene& clusters, std::span<const Material> given,
+                                    Joined& all) {
+  std::vector<Material> materials(given.begin(), given.end());
+  if (given.empty()) return materials;
+  std::vector<UvSets> used(given.size());
+  std::ranges::transform(given, used.begin(), uv_sets_used);
+  std::map<std::pair<uint32_t, UvSets>, uint32_t> fitted;
+  for (size_t p = 0; p < clusters.parts.size(); ++p) {
+    const lod::ClusterGeometry& g = clusters.parts[p].geometry;
+    const UvSets there = uv_sets_in(!g.uvs.empty(), g.extras);
+    const Range& trees = all.of_parts[p];
+    for (const Range& tree : std::span(all.trees).subspan(trees.offset, trees.count)) {
+      for (uint32_t& m : std::span(all.mesh.materials).subspan(tree.offset, tree.count)) {
+        if ((used[m] & ~there) == 0) continue;
+        const auto [at, is_new] =
+            fitted.try_emplace({m, used[m] & there}, static_cast<uint32_t>(materials.size()));
+        if (is_new) materials.push_back(with_uv_sets(given[m], there));
+        m = at->second;
+      }
+    }
+  }
+  return materials;
+}
+
 void check_instances(const ClusterScene& clusters) {
   for (size_t i = 0; i < clusters.instances.size(); ++i) {
     const ClusterInstance& at = clusters.instances[i];
@@ -314,19 +345,20 @@ Scene Scene::build(const ClusterScene& clusters, const Shading& shading,
   check_instances(clusters);
   Scene scene;
   with_threads(options.threads, [&] {
-    const Joined all = joined(clusters, shading.materials);
+    Joined all = joined(clusters, shading.materials);
     const Mesh& mesh = all.mesh;
     validate(mesh.view());
     check_shading(mesh.view(), shading);
+    const std::vector<Material> materials = fit_materials(clusters, shading.materials, all);
     Data& data = *scene.data_;
     data = Data{};
     data.structure = std::make_unique<Bvh>();
-    fill(data, mesh.view(), shading);
+    fill(data, mesh.view(), {materials, shading.textures, shading.environment});
     // Without lights, which would be sampled in the space of their part, not where instances are.
     data.light_density.assign(data.materials.size(), 0.0f);
 
     const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
-    const std::vector<uint32_t> masks = Scene::masks(mesh.view(), shading.materials);
+    const std::vector<uint32_t> masks = Scene::masks(mesh.view(), materials);
     bvh::Config config = bvh::preset("fast");
     std::vector<bvh::BottomTree> trees(all.trees.size());
     parallel_for(trees.size(), 16, [&](size_t i) {

@@ -195,6 +195,29 @@ TEST(ClusterScene, parts_keep_the_attributes_that_others_lack) {
   EXPECT_EQ(seen(scene, 3).color.base, (Vec3{0, 0, 0}));
 }
 
+TEST(ClusterScene, parts_without_texture_coordinates_are_without_textures) {
+  ClusterScene clusters;
+  clusters.transforms = {kIdentity};
+  for (uint32_t i = 0; i < 3; ++i) {
+    clusters.parts.push_back(square_part(i));
+    clusters.instances.push_back({i, 0});
+  }
+  clusters.parts[1].geometry.uvs.assign(4, {0.75f, 0.5f});
+  clusters.parts[2].material = 1;
+  const std::vector<uint8_t> texels = {0, 0, 0, 255, 0, 255, 0, 255};
+  const TextureView texture{.texels = texels, .width = 2, .height = 1, .nearest = true};
+  std::vector<Material> materials(2);
+  for (Material& m : materials) m.base_color = {1, 1, 0.5f};
+  materials[0].base_color_texture.texture = materials[1].base_color_texture.texture = 0;
+  materials[1].base_color_texture.uv_set = 63;
+  const Scene scene = Scene::build(clusters, {materials, std::span(&texture, 1), {}});
+  EXPECT_EQ(seen(scene, 0).color.base, (Vec3{1, 1, 0.5f}));
+  EXPECT_EQ(seen(scene, 1).color.base, (Vec3{0, 1, 0}));
+  EXPECT_EQ(seen(scene, 2).color.base, (Vec3{1, 1, 0.5f}));
+  clusters.parts[2].material = 2;
+  EXPECT_THROW(Scene::build(clusters, {materials, std::span(&texture, 1), {}}), Error);
+}
+
 TEST(ClusterScene, a_part_may_mix_materials) {
   ClusterScene clusters;
   clusters.transforms = {kIdentity};
