@@ -127,8 +127,8 @@ class Residency:
         self._native.set_budget(whole("budget", budget, _MOST))
 
     def close(self) -> None:
-        """Ends loading; what is there stays. Waits for reads in progress: those of a web server fail
-        once it has sent nothing for ten seconds."""
+        """Ends loading; what is there stays. Waits for reads in progress: those of a web server
+        fail once it has sent nothing for ten seconds."""
         self._native.close()
         _open.discard(self)
 
