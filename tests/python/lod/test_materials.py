@@ -175,3 +175,14 @@ def test_images_outside_of_the_assets_folder_are_embedded(tmp_path: Path) -> Non
     (again,) = read_materials(text, lambda k: files[k], folder)
     assert again.images["base_color"].path == folder / "inside.png"
     assert again.images["emissive"].encoded() == picture()
+
+
+def test_a_material_whose_name_is_no_text_is_a_warning(tmp_path: Path) -> None:
+    mesh = umbel.shapes.blob(1, seed=1)
+    mesh.materials = [umbel.Material(name="a\ud800b")]
+    mesh.material_ids = np.zeros(len(mesh.triangles), np.uint32)
+    with pytest.warns(umbel.LoadWarning, match=r"no text become: 'a\?b'"):
+        umbel.build_lod(mesh).save(tmp_path / "a.umbel")
+    with pytest.warns(umbel.LoadWarning, match=r"no text become: 'a\?b'"):
+        umbel.save(tmp_path / "a.glb", mesh)
+    assert umbel.Asset(tmp_path / "a.umbel").materials[0].name == "a?b"

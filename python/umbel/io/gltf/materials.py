@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from umbel.errors import Error
+from umbel.errors import Error, warn_lost
 from umbel.geometry.mesh import Material
 from umbel.io.textures.images import TextureImage
+from umbel.plain_json import plain
 
 Json = dict[str, Any]
 
@@ -98,7 +99,9 @@ def write_material(material: Material, reference: Reference | None = None) -> Js
         }
     }
     if material.name:
-        entry["name"] = material.name
+        entry["name"] = named = plain(material.name)
+        if named != material.name:
+            warn_lost("names of materials that are no text become", [repr(named)])
     extensions = copy.deepcopy(material.extensions)
     emissive = [max(v, 0.0) for v in material.emissive]
     strength = max(1.0, *emissive)
