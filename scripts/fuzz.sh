@@ -43,7 +43,6 @@ fi
 sanitize="-fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
 quietly cmake -S . -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DCMAKE_CXX_FLAGS_RELWITHDEBINFO="$level -g1" \
   -DCMAKE_CXX_COMPILER=clang++ -DUMBEL_BUILD_FUZZ=ON -DUMBEL_BUILD_TESTS=OFF -DUMBEL_INSTALL=OFF \
-  -DCMAKE_UNITY_BUILD=ON \
   -DCMAKE_CXX_FLAGS="-fsanitize=fuzzer-no-link $sanitize -D_GLIBCXX_ASSERTIONS -UNDEBUG"
 quietly cmake --build "$build"
 
