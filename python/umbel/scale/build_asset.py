@@ -206,6 +206,8 @@ def build_with(
     try:
         if allow_outside and any(is_address(file) for file in place.files):
             raise Error("allow_outside is of files; an address's folder is never left")
+        if executor:
+            executor.connect()
         if staging:
             staging.begin()
         _remove_leftovers(made)

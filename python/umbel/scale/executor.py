@@ -80,6 +80,9 @@ class Result:
 class Executor(ABC):
     """Runs tasks, on this machine or others, in any order."""
 
+    def connect(self) -> None:  # noqa: B027
+        """Called before any work: raises `Error` where nobody would do the tasks."""
+
     def start(self, unit_bytes: int, threads: int) -> None:  # noqa: B027
         """Called before the first task: the memory that a unit takes, and its threads."""
 

@@ -25,11 +25,11 @@ class Dask(Futures):
         super().__init__()
         self._address = client if isinstance(client, str) else None
         self._client: Any = client if self._address is None else None
-        self._connect()
+        self.connect()
         self._unit_bytes = 1
         self._threads = 1
 
-    def _connect(self) -> None:
+    def connect(self) -> None:
         if self._client is not None:
             return
         try:
@@ -38,7 +38,7 @@ class Dask(Futures):
             raise Error(f"no Dask scheduler at {self._address}: {error}") from None
 
     def start(self, unit_bytes: int, threads: int) -> None:
-        self._connect()
+        self.connect()
         self._unit_bytes, self._threads = unit_bytes, threads
         if self._fitting() == 0:
             raise Error(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from importlib import import_module
 from typing import Any
 
@@ -10,6 +11,7 @@ from umbel.scale.executor import Futures, Result, Task, perform
 
 #: Times that Ray starts a task again whose process or machine is gone.
 _RETRIES = 5
+_SAID = {"CPU": "processors", "memory": "bytes of memory"}
 
 
 class Ray(Futures):
@@ -31,22 +33,48 @@ class Ray(Futures):
         self._connected = False
         self._task: Any = None
 
-    def start(self, unit_bytes: int, threads: int) -> None:
+    def connect(self) -> None:
         if not self._ray.is_initialized():
+            self._check_address()
             try:
                 self._ray.init(address=self._address, log_to_driver=False, configure_logging=False)
             except Exception as error:
                 said = str(error).strip().splitlines() or [type(error).__name__]
                 raise Error(f"no Ray cluster at {self._address}: {said[0]}") from None
             self._connected = True
-        needs = {"num_cpus": threads, "memory": unit_bytes, "max_retries": _RETRIES}
-        self._task = self._ray.remote(**{**needs, **self._options})(perform)
+        self._prepare(0, 1)
+
+    def start(self, unit_bytes: int, threads: int) -> None:
+        self._prepare(unit_bytes, threads)
+
+    def _check_address(self) -> None:
+        """Ray tries for minutes to reach a machine that is not there."""
+        host, _, port = self._address.rpartition("://")[2].rpartition(":")
+        if not (host and port.isdigit()):
+            return
+        try:
+            socket.create_connection((host.strip("[]"), int(port)), timeout=10).close()
+        except (OSError, OverflowError) as error:
+            said = getattr(error, "strerror", None) or error
+            raise Error(f"no Ray cluster at {self._address}: {said}") from None
+
+    def _prepare(self, unit_bytes: int, threads: int) -> None:
+        """Makes the task, which some machine must have all resources for: Ray waits for one."""
+        needs: dict[str, Any] = {"num_cpus": threads, "memory": unit_bytes}
+        needs |= {"max_retries": _RETRIES, **self._options}
+        try:
+            self._task = self._ray.remote(**needs)(perform)
+        except (TypeError, ValueError) as error:
+            raise Error(f"options of Ray's tasks: {error}") from None
+        wanted = {"CPU": needs["num_cpus"] or 0, "memory": needs["memory"] or 0}
+        wanted |= {"GPU": needs.get("num_gpus") or 0, **(needs.get("resources") or {})}
         nodes = [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
-        if not any(n.get("CPU", 0) >= threads and n.get("memory", 0) >= unit_bytes for n in nodes):
-            raise Error(
-                f"no machine of the Ray cluster has {threads} processors and {unit_bytes:,} bytes "
-                "of memory for a unit: add one, or make units smaller with unit_triangles"
+        if not any(all(n.get(name, 0) >= wanted[name] for name in wanted) for n in nodes):
+            said = ", ".join(
+                f"{count:,} {_SAID.get(name, name)}" for name, count in wanted.items() if count
             )
+            smaller = ", or make units smaller with unit_triangles" if unit_bytes else ""
+            raise Error(f"no machine of the Ray cluster has {said} for a unit: add one{smaller}")
 
     def slots(self) -> int:
         # Machines come and go.

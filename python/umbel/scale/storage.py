@@ -3,6 +3,7 @@ be read."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -113,13 +114,21 @@ def _open(url: str) -> tuple[Any, str]:
 
 
 def check_writable(url: str) -> None:
-    """Throws before anything is built where nothing could be stored."""
+    """Throws before anything is built where nothing could be stored: it stores a file beside, and
+    removes it."""
     if url.startswith(("http://", "https://")):
         raise Error(
             f"{url}: sources can be read by HTTP, but nothing can be written; name a folder, or an "
             "address such as s3://bucket/name"
         )
-    _open(url)
+    system, path = _open(url)
+    probe = f"{path}.umbel-check"
+    try:
+        system.pipe_file(probe, b"")
+    except Exception as error:  # every file system has its own
+        raise Error(f"cannot write {url}: {reason_of(error)}") from None
+    with contextlib.suppress(Exception):  # who may write need not be allowed to remove
+        system.rm_file(probe)
 
 
 def scratch(url: str) -> Path:

@@ -23,6 +23,7 @@ from helpers.commands import Umbel
 from helpers.s3_server import s3_server
 from umbel.scale import Dask, Ray
 from umbel.scale.build_asset import build_asset
+from umbel.scale.executor import InProcess
 
 UNIT = 4000
 PLACES = ("s3://bucket/tiles/*.ply", "s3://bucket/scan.umbel")
@@ -104,6 +105,30 @@ def test_ray_through_a_folder(
     output = tmp_path / "a.umbel"
     build_asset(tiles, output, unit_triangles=UNIT, executor=Ray(ray_cluster))
     assert hashlib.sha256(output.read_bytes()).hexdigest() == expected
+
+
+def test_what_ray_does_not_have_is_said_at_once(ray_cluster: str) -> None:
+    for executor, why in (
+        (Ray("127.0.0.1:1"), "no Ray cluster at 127.0.0.1:1: Connection refused"),
+        (Ray(ray_cluster, resources={"big": 2}), "has 1 processors, 2 big for a unit: add one$"),
+        (Ray(ray_cluster, num_gpus=1), "1 GPU"),
+        (Ray(ray_cluster, size=3), "size"),
+    ):
+        try:
+            with pytest.raises(umbel.Error, match=why):
+                executor.connect()
+        finally:
+            executor.close()
+
+
+def test_an_address_that_takes_nothing_is_said_at_once(bucket: Any) -> None:
+    for output, work, named in (
+        ("s3://nowhere/a.umbel", WORK, "s3://nowhere/a.umbel"),
+        (PLACES[1], "s3://nowhere/work", "s3://nowhere/work"),
+    ):
+        with pytest.raises(umbel.Error, match=f"cannot write {named}"):
+            build_asset(PLACES[0], output, work=work, executor=InProcess())
+    assert all("/tiles/" in name for name in bucket.find("bucket"))
 
 
 def tasks_done(bucket: Any) -> int:

@@ -47,6 +47,17 @@ def test_tasks_in_this_process(tiles: list[Path], made_of_tiles: bytes, tmp_path
     assert all(unit["build_seconds"] > 0 for unit in report["units"])
 
 
+class Nobody(InProcess):
+    def connect(self) -> None:
+        raise umbel.Error("nobody is there")
+
+
+def test_who_builds_is_asked_before_the_source_is_read(tmp_path: Path) -> None:
+    with pytest.raises(umbel.Error, match="nobody is there"):
+        build_asset(tmp_path / "none.ply", tmp_path / "a.umbel", executor=Nobody())
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_patterns_are_files_by_name(
     tiles: list[Path], made_of_tiles: bytes, tmp_path: Path
 ) -> None:
