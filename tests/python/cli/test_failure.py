@@ -133,6 +133,19 @@ def test_info_refuses_what_build_refuses(umbel_command: Umbel, tmp_path: Path) -
         assert done.status == (0 if valid else 1)
         assert valid or ("is too large" in done.err and "drop-invalid" not in done.err)
 
+    # Far apart and small: rounding to floats leaves nothing of half of the triangles.
+    lines = [
+        f"v {1e9 * (i % 2) + x} {i + y} 0"
+        for i in range(20)
+        for x, y in ((0, 0), (1e-4, 0), (0, 1e-4))
+    ]
+    faces = [f"f {i + 1} {i + 2} {i + 3}" for i in range(0, 60, 3)]
+    source = tmp_path / "wide.obj"
+    source.write_text("\n".join(lines + faces) + "\n")
+    said = umbel_command("info", source, "--json").json
+    done = umbel_command("build", source, "-o", tmp_path / "wide.umbel")
+    assert said["valid"] is False and done.err == f"umbel: {said['problem']}\n"
+
 
 def test_references_leave_the_folder_by_a_flag_only(umbel_command: Umbel, tmp_path: Path) -> None:
     folder = tmp_path / "folder"

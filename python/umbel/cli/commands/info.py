@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
+import warnings
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from umbel.cli.failure import naming_file, with_flags
 from umbel.cli.inputs import AllowOutside
 from umbel.cli.run import Json, Threads, ends_cleanly, heard, is_asset, show
 
 if TYPE_CHECKING:
     from umbel.geometry.mesh import Mesh
-
-_LARGEST_COORDINATE = 1e18  # that a build accepts
 
 
 @ends_cleanly()
@@ -91,28 +91,38 @@ def _material_count(asset: Any, counts: list[dict[str, Any]]) -> int:
 
 def _problem(mesh: Mesh, threads: int) -> str | None:
     """Why `umbel build` refuses a mesh."""
+    import numpy as np
+
     from umbel.errors import Error
+    from umbel.geometry.precision_loss import refuse_collapse
     from umbel.geometry.repair import validate
+    from umbel.lod.build import build_lod
 
     try:
         validate(mesh, threads=threads)
+        refuse_collapse(mesh, None)
+        if mesh.bounds is not None:  # one triangle tells whether its corners are too far away
+            corners = (mesh.bounds - mesh.origin).astype(np.float32)
+            build_lod((corners, np.array([[0, 1, 0]], np.uint32)))
     except Error as error:
-        return str(error)
-    box = mesh.bounds
-    largest = 0.0 if box is None else float(abs(box - mesh.origin).max())
-    if largest > _LARGEST_COORDINATE:
-        return f"{mesh.source}: coordinate {largest:g} is too large: the limit is 1e18 in magnitude"
+        sentence = with_flags(str(error), {"with force": "with --force"}, [mesh.source])
+        return naming_file(sentence, mesh.source, [mesh.source])
     return None
 
 
 def _mesh_info(path: str, allow_outside: bool, threads: int) -> dict[str, Any]:
     from umbel.io import load_scene
     from umbel.io.addresses import is_address
+    from umbel.lod.arrange import arrange, is_single
     from umbel.lod.remote import remote
 
     scene = load_scene(path, allow_outside=allow_outside)
-    mesh = scene.flatten()
-    problem = _problem(mesh, threads)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what a build would say
+        built = arrange(scene)
+    mesh = built.meshes[0] if is_single(built) else scene.flatten()
+    problems = (_problem(one, threads) for one in built.meshes)
+    problem = next((found for found in problems if found is not None), None)
     names = ("normals", "tangents", "uvs", "colors")
     return {
         "input": path,
