@@ -85,7 +85,8 @@ Candidate GroupComponents::prune(const Candidate& from, size_t target) const {
     left -= triangles_of[order[i]];
   }
   Candidate result = from;
-  result.method = SimplifyMethod::kPrune;
+  // Verification knows new positions by their method.
+  if (!result.renews_positions) result.method = SimplifyMethod::kPrune;
   std::erase_if(result.triangles, [&](const Triangle& t) { return removed[of(t)]; });
   return result;
 }

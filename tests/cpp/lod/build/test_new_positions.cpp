@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "lod/build/new_positions.hpp"
+#include "lod/synthetic_dag.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -75,6 +76,28 @@ TEST(NewPositions, are_refused_where_there_is_no_room) {
   added.components.push_back(kNone);
   const Nowhere nowhere;
   EXPECT_FALSE(NewPositions().set_apart(Source{}, 0, &nowhere, added));
+}
+
+// A group of any topology gets new positions, and may lose components after that.
+TEST(NewPositions, of_any_topology_are_known_by_their_method) {
+  Mesh mesh = shapes::sphere(3);
+  const std::vector<Triangle> front = mesh.triangles;
+  for (const auto& [a, b, c] : front) mesh.triangles.push_back({c, b, a});
+  for (uint32_t i = 0; i < mesh.triangles.size(); ++i) mesh.materials.push_back(i % 2);
+  testing::Random random(1);
+  for (size_t v = 0; v < mesh.positions.size(); ++v)
+    mesh.uvs.push_back({1e22f * static_cast<float>(random.uniform()),
+                        1e22f * static_cast<float>(random.uniform())});
+  for (const float ratio : {0.7f, 0.9f}) {
+    Config config = testing::small_config();
+    config.max_triangles = 64;
+    config.min_group = 2;
+    config.ratio = ratio;
+    const Dag dag = build(mesh.view(), config);
+    const VerifyReport report =
+        verify(dag.tables, testing::reader_of(dag), testing::verify_config_of(dag, mesh));
+    EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
+  }
 }
 
 }  // namespace
