@@ -61,6 +61,7 @@ void detail::run_ranges(size_t count, size_t grain, RangeBody body) {
 }
 
 void detail::run_tasks(Task first, Task second) {
+  if (current_poll) (*current_poll)();
   tbb::parallel_invoke([first] { first.run(first.body); }, [second] { second.run(second.body); });
   throw_if_cancelled();
 }

@@ -7,7 +7,7 @@
 namespace umbel {
 
 /// While it lives, parallel loops that its thread begins call `poll` on that thread, between parts
-/// of their work. What it throws ends the loop.
+/// of their work, and so do pairs of tasks before they begin. What it throws ends the work.
 class PollScope {
  public:
   explicit PollScope(const std::function<void()>& poll);

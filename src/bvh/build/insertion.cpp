@@ -34,7 +34,7 @@ Bvh2 build_insertion(Boxes boxes, const Config& /*config*/, BuildProgress& progr
   GrowingTree tree(count);
   uint32_t inserted = 0;
   for (const uint32_t primitive : insertion_order(boxes)) {
-    if (inserted++ % 65536 == 0) progress.report(0.05 + 0.85 * inserted / count, "inserting");
+    if (inserted++ % 16384 == 0) progress.report(0.05 + 0.85 * inserted / count, "inserting");
     tree.insert(primitive, boxes[primitive]);
   }
   BigVector<Merge> merges(count - 1);

@@ -7,6 +7,7 @@
 // via Approximate Agglomerative Clustering", 2013): boxes of k-means clusters overlap along their
 // common borders, which a treelet that ends in one cluster cannot repair. A treelet of clusters is
 // also joined by a sweep, because planes sometimes divide better than agglomeration joins.
+#include "base/polled_stage.hpp"
 #include "bvh/build/builders.hpp"
 #include "bvh/build/kmeans_passes.hpp"
 #include "bvh/build/kmeans_treelets.hpp"
@@ -34,7 +35,7 @@ Bvh2 build(Boxes boxes, const Config& config, BuildProgress& progress) {
     KmeansPasses<CpuExec, kMost> passes(exec, boxes.data(), count, settings,
                                         std::max(kFewForKmeans, settings.clusters));
     passes.run([&](double done) { progress.report(0.6 * done, "clustering"); });
-    progress.report(0.6, "joining clusters");
+    const PolledStage stage(progress, 0.6, "joining clusters");
     StageClock clock;
     KmeansTreelets<CpuExec, kMost>(exec, passes, LeafRule(config),
                                    forwarded_clusters<kMost>(settings), merges.data())

@@ -2,20 +2,23 @@
 // clusters, may be built by SAH instead, which the paper does not do.
 #include "bvh/build/ploc.hpp"
 
+#include "base/polled_stage.hpp"
 #include "bvh/build/builders.hpp"
 #include "bvh/build/sah_top_levels.hpp"
 
 namespace umbel::bvh {
 
 Bvh2 build_ploc(Boxes boxes, const Config& config, BuildProgress& progress) {
-  progress.report(0.05, "clustering");
   CpuExec exec;
   const auto count = static_cast<uint32_t>(boxes.size());
   BigVector<Merge> merges(count - 1);
   Subtree root{};
-  Ploc<CpuExec>().run(exec, boxes.data(), count, config.ploc_radius, merges.data(), &root);
+  {
+    const PolledStage stage(progress, 0.05, "clustering");
+    Ploc<CpuExec>().run(exec, boxes.data(), count, config.ploc_radius, merges.data(), &root);
+  }
   if (config.ploc_sweep > 0) {
-    progress.report(0.65, "sweeping clusters");
+    const PolledStage stage(progress, 0.65, "sweeping clusters");
     root = sah_top_levels(merges, root, boxes, config.ploc_sweep, config);
   }
   progress.report(0.75, "laying out");

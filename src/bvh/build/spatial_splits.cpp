@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "base/parallel.hpp"
+#include "base/polled_stage.hpp"
 #include "bvh/build/builders.hpp"
 #include "bvh/build/split_search.hpp"
 #include "bvh/build/tree_parts.hpp"
@@ -315,7 +316,7 @@ class SpatialBuilder {
 
 Bvh2 build_spatial(const MeshView& mesh, Boxes boxes, const Config& config,
                    BuildProgress& progress) {
-  progress.report(0.1, "splitting in space");
+  const PolledStage stage(progress, 0.1, "splitting in space");
   return SpatialBuilder(mesh, boxes, config).build();
 }
 

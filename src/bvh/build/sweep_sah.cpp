@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "base/parallel.hpp"
+#include "base/polled_stage.hpp"
 #include "base/radix_sort.hpp"
 #include "base/simd/box4.hpp"
 #include "bvh/build/builders.hpp"
@@ -168,7 +169,7 @@ class Sweep {
 Bvh2 build_sweep(Boxes boxes, const Config& config, BuildProgress& progress) {
   progress.report(0.1, "sorting centroids");
   Sweep sweep(boxes, OneEach{}, config);
-  progress.report(0.2, "sweeping");
+  const PolledStage stage(progress, 0.2, "sweeping");
   return sweep.build();
 }
 

@@ -143,6 +143,25 @@ TEST_P(BothBuilders, stop_when_progress_says_so) {
   }
 }
 
+TEST(Build, long_stages_ask_again_whether_to_stop) {
+  const Mesh mesh = shapes::terrain(600, 600, 1);
+  const std::pair<Builder, std::string_view> stages[] = {{Builder::kSweep, "sweeping"},
+                                                         {Builder::kSpatial, "splitting in space"},
+                                                         {Builder::kKmeans, "joining clusters"},
+                                                         {Builder::kPloc, "clustering"}};
+  for (const auto& [builder, stage] : stages) {
+    SCOPED_TRACE(stage);
+    BuildOptions options;
+    int seen = 0;
+    options.progress = [&, stage = stage](float, std::string_view now) {
+      return now != stage || ++seen < 2;
+    };
+    error_of([&, builder = builder] { build(mesh.view(), with(builder), options); },
+             ErrorCode::kCancelled);
+    EXPECT_EQ(seen, 2);
+  }
+}
+
 TEST(Build, binned_costs_as_little_as_the_full_sweep) {
   std::vector<NamedBoxes> inputs = nasty_boxes();
   for (const uint32_t n : {50u, 400u, 3000u, 40000u}) {
