@@ -1,4 +1,4 @@
-import { Matrix4, OrthographicCamera, PerspectiveCamera } from "three";
+import { Camera, Matrix4, OrthographicCamera, PerspectiveCamera, Vector3 } from "three";
 import { describe, expect, test } from "vitest";
 import {
   isSamePose,
@@ -6,6 +6,7 @@ import {
   poseOf,
   viewOf,
 } from "../../../packages/umbel/src/three/camera_view.js";
+import { Random } from "../../support/random.js";
 
 describe("a pose", () => {
   const poses = (x: number, turn: number) => {
@@ -49,4 +50,42 @@ test("a part of a picture is as fine as the whole", () => {
     });
     expect(pixelsPerUnit(camera, world, 300)(2) / pixels).toBeCloseTo(1, 6);
   }
+});
+
+test("a camera that has a matrix only is as good as any", () => {
+  const settings = { height: 300, pixelError: 1, offscreen: 4 };
+  for (const camera of [
+    new PerspectiveCamera(40, 1.5, 0.1, 10),
+    new OrthographicCamera(-3, 3, 2, -2, 0.1, 10),
+  ]) {
+    const plain = new Camera();
+    plain.projectionMatrix.copy(camera.projectionMatrix);
+    expect(viewOf({ ...settings, camera: plain }, new Matrix4())).toEqual(
+      viewOf({ ...settings, camera }, new Matrix4()),
+    );
+  }
+});
+
+test("a skewed object is allowed no more than the error in pixels", () => {
+  const camera = new OrthographicCamera(-1, 1, 1, -1, 0.1, 10);
+  const near = new PerspectiveCamera(90, 1, 0.1, 10);
+  const random = new Random(3);
+  for (let round = 0; round < 50; ++round) {
+    const world = new Matrix4();
+    for (const i of [0, 1, 2, 4, 5, 6, 8, 9, 10]) world.elements[i] = random.below(200) / 100 - 1;
+    const settings = { height: 2, pixelError: 1, offscreen: 1 };
+    const flat = viewOf({ ...settings, camera }, world);
+    const deep = viewOf({ ...settings, camera: near }, world);
+    const lengths = Array.from({ length: 2000 }, () => {
+      const v = new Vector3(...[0, 1, 2].map(() => random.below(2001) - 1000));
+      return v.lengthSq() > 0 ? v.normalize().applyMatrix4(world).length() : 1;
+    });
+    const [low, high] = [Math.min(...lengths), Math.max(...lengths)];
+    if (flat.kind === "error") expect(flat.error * high).toBeLessThan(1 + 1e-9);
+    if (deep.kind === "camera")
+      expect(deep.threshold).toBeLessThanOrEqual((low / high) * (1 + 1e-6));
+  }
+  const turned = new Matrix4().makeRotationX(1).scale(new Vector3(1, 2, 3));
+  const view = viewOf({ camera, height: 2, pixelError: 1, offscreen: 1 }, turned);
+  expect(view.kind === "error" && view.error).toBeCloseTo(1 / 3, 12);
 });

@@ -1,13 +1,6 @@
 // Converts a camera of three.js into a view for selection, in an object's coordinates.
 
-import {
-  type Camera,
-  Frustum,
-  Matrix4,
-  type OrthographicCamera,
-  type PerspectiveCamera,
-  Vector3,
-} from "three";
+import { type Camera, Frustum, Matrix4, Vector3 } from "three";
 import { cameraView, type View } from "../select/select.js";
 import type { SceneView } from "../stream/instance_stream.js";
 
@@ -38,14 +31,13 @@ export function viewOf(
   world: Matrix4,
 ): View {
   const [low, high] = scalesOf(world);
-  if ((camera as OrthographicCamera).isOrthographicCamera) {
-    return { kind: "error", error: (pixelError * orthographicHeight(camera)) / (height * high) };
-  }
+  if (isOrthographic(camera))
+    return { kind: "error", error: (pixelError * heightOf(camera)) / (height * high) };
   const eye = cameraPosition(camera, world);
   // Errors grow at most with the longest axis; distances grow at least with the shortest.
   const view = cameraView(
     [eye.x, eye.y, eye.z],
-    fieldOfView(camera),
+    2 * Math.atan(heightOf(camera) / 2),
     height,
     (pixelError * low) / high,
   );
@@ -94,12 +86,10 @@ export function pixelsPerUnit(
   world: Matrix4,
   height: number,
 ): (distance: number) => number {
-  if ((camera as OrthographicCamera).isOrthographicCamera) {
-    const pixels = (scalesOf(world)[1] * height) / orthographicHeight(camera);
-    return () => pixels;
-  }
-  const atOne = height / (2 * Math.tan(fieldOfView(camera) / 2));
-  return (distance) => atOne / distance;
+  const atOne = height / heightOf(camera);
+  if (!isOrthographic(camera)) return (distance) => atOne / distance;
+  const pixels = scalesOf(world)[1] * atOne;
+  return () => pixels;
 }
 
 /** The position of a camera in an object's coordinates. */
@@ -109,26 +99,28 @@ export function cameraPosition(camera: Camera, world: Matrix4): Vector3 {
     .applyMatrix4(world.clone().invert());
 }
 
-/** The height of what an orthographic camera shows. */
-function orthographicHeight(camera: Camera): number {
-  const { top, bottom, zoom } = camera as OrthographicCamera;
-  return (partOf(camera) * (top - bottom)) / zoom;
+function isOrthographic({ projectionMatrix }: Camera): boolean {
+  return projectionMatrix.elements[11] === 0;
 }
 
-function fieldOfView(camera: Camera): number {
-  const angle = ((camera as PerspectiveCamera).getEffectiveFOV() * Math.PI) / 180;
-  const part = partOf(camera);
-  return part === 1 ? angle : 2 * Math.atan(part * Math.tan(angle / 2));
+/** The height of what an orthographic camera shows, or a perspective one at a distance of 1. */
+function heightOf({ projectionMatrix }: Camera): number {
+  return 2 / Math.abs(projectionMatrix.elements[5]);
 }
 
-/** The part of its picture's height that a camera shows: that of `setViewOffset`. */
-function partOf(camera: Camera): number {
-  const { view } = camera as PerspectiveCamera | OrthographicCamera;
-  return view?.enabled ? view.height / view.fullHeight : 1;
-}
-
-/** The scales of an object's shortest and longest axis. */
+/**
+ * The least and the greatest factor on lengths; exact where the axes stay at right angles, otherwise
+ * bounds (Gershgorin's circles of the matrix of the columns' products, and the determinant).
+ */
 function scalesOf(world: Matrix4): [number, number] {
-  const scale = new Vector3().setFromMatrixScale(world);
-  return [Math.min(...scale), Math.max(...scale)];
+  const columns = [0, 1, 2].map((i) => new Vector3().setFromMatrixColumn(world, i));
+  let [low, high] = [Infinity, 0];
+  for (const column of columns) {
+    const squared = column.lengthSq();
+    const others = columns.reduce((sum, other) => sum + Math.abs(column.dot(other)), 0) - squared;
+    low = Math.min(low, squared - others);
+    high = Math.max(high, squared + others);
+  }
+  const least = Math.abs(world.determinant()) / Math.max(high, Number.MIN_VALUE);
+  return [Math.max(Math.sqrt(Math.max(low, 0)), least), Math.sqrt(high)];
 }

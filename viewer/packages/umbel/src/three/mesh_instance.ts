@@ -1,6 +1,6 @@
 // An instance of a mesh in the object: it lists the ranges to draw, by arena and material.
 
-import { type Box3, type Frustum, type Material, Matrix4, type Object3D } from "three";
+import { type Box3, type Frustum, type Material, Matrix4, type Object3D, Sphere } from "three";
 import type { Instance as InstanceRow } from "../format/tables.js";
 import { matrixOf } from "./camera_view.js";
 import { boxOf, type ClusterInfo, clusterInfo } from "./cluster_info.js";
@@ -33,6 +33,8 @@ export class MeshInstance {
     readonly number: number,
     protected readonly parent: Object3D,
     private readonly materials: Materials,
+    /** Contains the mesh. */
+    private readonly bounds?: Box3,
   ) {
     this.mesh = mesh;
     this.matrix = matrixOf(matrix);
@@ -73,13 +75,19 @@ export class MeshInstance {
   /** Lists the ranges of visible clusters for the GPU, and adds them to `drawn`. */
   updateRanges(frustum: Frustum, lineMaterial: Material | undefined, drawn: DrawCounts): void {
     for (const batch of this.all()) batch.ranges.clear();
-    this.visibleRuns(frustum, (resident, first, count) => {
+    const visit = (resident: ResidentGroup, first: number, count: number) => {
       this.addRun(resident, first, count, drawn);
       if (lineMaterial) this.addLines(resident, first, count, lineMaterial);
-    });
+    };
+    const { castShadow, receiveShadow, renderOrder, frustumCulled } = this.parent;
+    // Shadows of what is outside of the picture may fall into it.
+    if (frustumCulled && !castShadow) this.visibleRuns(frustum, visit);
+    else this.runs(visit);
     for (const batch of this.all()) {
       batch.visible = batch.ranges.length > 0;
       if (batch.visible) ++drawn.calls;
+      batch.layers.mask = this.parent.layers.mask;
+      Object.assign(batch, { castShadow, receiveShadow, renderOrder });
     }
   }
 
@@ -174,6 +182,12 @@ export class MeshInstance {
   }
 
   protected add<T extends Batch | LineBatch>(object: T): T {
+    // three.js would take those of the whole arena, with what is free in it.
+    if (this.bounds)
+      Object.assign(object, {
+        boundingBox: this.bounds,
+        boundingSphere: this.bounds.getBoundingSphere(new Sphere()),
+      });
     object.matrix.copy(this.matrix);
     this.parent.add(object);
     object.updateMatrixWorld(true);

@@ -18,7 +18,7 @@ import {
   type WebGLRenderer,
 } from "three";
 import { checkNumber, memoryError, type UmbelError } from "../errors.js";
-import type { AssetInfo } from "../stream/asset_info.js";
+import type { AssetInfo, MeshInfo } from "../stream/asset_info.js";
 import { boundsOf } from "../stream/bounds.js";
 import type { InstanceRow } from "../stream/instance_rows.js";
 import type { StreamStatistics, StreamUpdate } from "../stream/stream_update.js";
@@ -128,7 +128,8 @@ export class UmbelMesh extends Object3D {
     this.instances = stream.info.hasInstanceTree
       ? []
       : stream.info.instances.map(
-          (row, number) => new MeshInstance(row, number, this, this.materials),
+          (row, number) =>
+            new MeshInstance(row, number, this, this.materials, this.boundsOf(row.mesh)),
         );
     this.views = new ViewTracker(stream, this.instances);
     stream.listener = {
@@ -226,6 +227,11 @@ export class UmbelMesh extends Object3D {
     this.lineMaterial = material;
     for (const instance of this.instances) instance.removeLines();
     if (!material) this.residents.removeLines();
+  }
+
+  /** Not supported. */
+  override clone(): never {
+    throw new Error("An UmbelMesh cannot be cloned: load its asset once more.");
   }
 
   /** Frees all memory; the object cannot be used after that. */
@@ -340,6 +346,11 @@ export class UmbelMesh extends Object3D {
     for (const instance of before.values()) instance.dispose();
   }
 
+  private boundsOf(mesh: number): Box3 {
+    const { low, high } = this.info.meshes[mesh] as MeshInfo;
+    return new Box3(new Vector3(...low), new Vector3(...high));
+  }
+
   private instanceOf(row: InstanceRow, number: number): MeshInstance {
     if (row.count > 1 || !row.isOwn) return new InstancedCut(row, number, this, this.materials);
     const instance = new MeshInstance(
@@ -347,6 +358,7 @@ export class UmbelMesh extends Object3D {
       number,
       this,
       this.materials,
+      this.boundsOf(row.mesh),
     );
     instance.matrix.fromArray(row.matrices);
     return instance;

@@ -9,6 +9,7 @@ import {
   LineSegments,
   type Material,
   Mesh,
+  type MeshBasicMaterial,
   type Object3D,
   type WebGLRenderer,
 } from "three";
@@ -25,6 +26,12 @@ interface MultiDraw {
   ): void;
 }
 
+type Mode = "TRIANGLES" | "LINES";
+type IndexType = "UNSIGNED_INT" | "UNSIGNED_SHORT";
+
+/** Vertices of a geometry from which three.js has four bytes an index in its wireframe. */
+const MAX_SHORT = 65535;
+
 /** Ranges of indices, in the form of WEBGL_multi_draw. */
 export class Ranges {
   counts = new Int32Array(256);
@@ -35,15 +42,15 @@ export class Ranges {
     this.length = 0;
   }
 
-  /** Adds a range of indices; merges it with the last where it continues that. */
-  add(start: number, count: number): void {
+  /** Adds a range of indices of so many bytes; merges it with the last where it continues that. */
+  add(start: number, count: number, bytes = 4): void {
     const last = this.length - 1;
-    if (last >= 0 && this.offsets[last] + 4 * this.counts[last] === 4 * start) {
+    if (last >= 0 && this.offsets[last] + bytes * this.counts[last] === bytes * start) {
       this.counts[last] += count;
       return;
     }
     if (this.length === this.counts.length) this.grow();
-    this.offsets[this.length] = 4 * start;
+    this.offsets[this.length] = bytes * start;
     this.counts[this.length++] = count;
   }
 
@@ -55,29 +62,59 @@ export class Ranges {
     this.offsets.set(offsets);
   }
 
-  /** @param instances number of instances; undefined without instancing */
-  draw(renderer: WebGLRenderer, mode: "TRIANGLES" | "LINES", instances?: number): void {
+  /**
+   * @param type of the indices that are bound
+   * @param instances number of instances; undefined without instancing
+   */
+  draw(renderer: WebGLRenderer, mode: Mode, type: IndexType, instances?: number): void {
     if (this.length === 0) return;
     const gl = renderer.getContext() as WebGL2RenderingContext;
     const multi = renderer.extensions.get("WEBGL_multi_draw") as MultiDraw | null;
     const { counts, offsets, length } = this;
     if (instances !== undefined)
       for (let i = 0; i < length; ++i)
-        gl.drawElementsInstanced(gl[mode], counts[i], gl.UNSIGNED_INT, offsets[i], instances);
-    else if (multi)
-      multi.multiDrawElementsWEBGL(gl[mode], counts, 0, gl.UNSIGNED_INT, offsets, 0, length);
+        gl.drawElementsInstanced(gl[mode], counts[i], gl[type], offsets[i], instances);
+    else if (multi) multi.multiDrawElementsWEBGL(gl[mode], counts, 0, gl[type], offsets, 0, length);
     else
-      for (let i = 0; i < length; ++i)
-        gl.drawElements(gl[mode], counts[i], gl.UNSIGNED_INT, offsets[i]);
+      for (let i = 0; i < length; ++i) gl.drawElements(gl[mode], counts[i], gl[type], offsets[i]);
+  }
+
+  /** The same triangles as three lines each, two indices a line, of so many bytes. */
+  asLines(bytes: number): Ranges {
+    const lines = new Ranges();
+    for (let i = 0; i < this.length; ++i)
+      lines.add(2 * (this.offsets[i] / 4), 2 * this.counts[i], bytes);
+    return lines;
   }
 }
 
-function setUp(object: Drawn, ranges: Ranges, mode: "TRIANGLES" | "LINES"): void {
+/** Draws the ranges of an object, after three.js has bound what a material needs. */
+function draw(
+  { instances }: Drawn,
+  ranges: Ranges,
+  mode: Mode,
+  renderer: WebGLRenderer,
+  geometry: BufferGeometry,
+  material: Material,
+): void {
+  const count = instances?.count;
+  if (!(material as MeshBasicMaterial).wireframe)
+    ranges.draw(renderer, mode, "UNSIGNED_INT", count);
+  else if (mode === "TRIANGLES") {
+    // three.js has bound lines in place of the triangles.
+    const isShort = geometry.getAttribute("position").count < MAX_SHORT;
+    const lines = ranges.asLines(isShort ? 2 : 4);
+    lines.draw(renderer, "LINES", isShort ? "UNSIGNED_SHORT" : "UNSIGNED_INT", count);
+  }
+}
+
+function setUp(object: Drawn, ranges: Ranges, mode: Mode): void {
   object.frustumCulled = false;
   object.matrixAutoUpdate = false;
-  object.onAfterRender = (renderer) => ranges.draw(renderer, mode, object.instances?.count);
-  object.onAfterShadow = (renderer) =>
-    ranges.draw(renderer as WebGLRenderer, mode, object.instances?.count);
+  object.onAfterRender = (renderer, _scene, _camera, geometry, material) =>
+    draw(object, ranges, mode, renderer, geometry, material);
+  object.onAfterShadow = (renderer, _scene, _camera, _shadowCamera, geometry, material) =>
+    draw(object, ranges, mode, renderer as WebGLRenderer, geometry, material);
   // UmbelMesh casts rays itself.
   object.raycast = () => {};
 }
