@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,7 @@ from umbel.geometry.repair import Progress
 from umbel.io.scene import Scene
 from umbel.lod.instances import InstanceCut, scene_cuts, scene_error, scene_mesh, shown_scene
 from umbel.lod.materials import read_materials
-from umbel.lod.remote import Read, readable, remote
+from umbel.lod.remote import BinaryFile, Read, readable, remote
 from umbel.lod.tables import HasTables, Tables
 from umbel.lod.verify import VerifyReport, verify_arguments
 
@@ -36,7 +36,7 @@ class Asset(HasTables):
 
     _native: _umbel.Asset
 
-    def __init__(self, source: str | os.PathLike[str] | BinaryIO) -> None:
+    def __init__(self, source: str | os.PathLike[str] | BinaryFile) -> None:
         if isinstance(source, (str, os.PathLike)):
             self.path = os.fspath(source)
             if "://" in self.path:

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import BinaryIO
+from typing import Literal, Protocol
 
 from umbel.errors import Error
 from umbel.io.addresses import reason_of, web_options
 
 Read = Callable[[int, int], bytes]
+
+
+class BinaryFile(Protocol):
+    """What is read of an open file: also of one that is compressed, mapped or in an archive."""
+
+    def seek(self, offset: int, whence: Literal[0, 2] = ..., /) -> object: ...
+    def tell(self) -> int: ...
+    def read(self, size: int, /) -> bytes: ...
+
 
 #: Seconds without a byte after which a read has failed: who closes a residency waits no longer.
 _SILENCE = 10.0
@@ -40,7 +49,7 @@ def remote(url: str) -> tuple[int, Read]:
     return int(size), read
 
 
-def readable(file: BinaryIO) -> tuple[int, Read]:
+def readable(file: BinaryFile) -> tuple[int, Read]:
     """The same of an open binary file, which must stay open."""
     lock = threading.Lock()
     try:
