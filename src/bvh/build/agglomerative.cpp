@@ -6,6 +6,7 @@
 // other's nearest stay so, whatever else is merged, and all such pairs can be merged at once: the
 // tree is that of the one-by-one algorithm, except for ties. Where few pairs are left at a time, as
 // in boxes within boxes, chains of nearest neighbours are followed one by one.
+#include <span>
 #include <vector>
 
 #include "base/exec.hpp"
@@ -17,12 +18,31 @@
 namespace umbel::bvh {
 namespace {
 
+/// Puts long runs of equal codes, as of all but a box that is very far away, into the order of
+/// codes around their own centres: without one, searches visit all boxes of the run.
+void order_runs(Boxes boxes, std::span<const uint64_t> codes, std::span<uint32_t> primitives) {
+  constexpr size_t kLong = 64;
+  CpuExec exec;
+  for (size_t begin = 0, end = 0; begin < codes.size(); begin = end) {
+    while (end < codes.size() && codes[end] == codes[begin]) ++end;
+    if (end - begin < kLong || end - begin == codes.size()) continue;
+    const std::span<uint32_t> run = primitives.subspan(begin, end - begin);
+    BigVector<Aabb> own(run.size());
+    for (size_t i = 0; i < run.size(); ++i) own[i] = boxes[run[i]];
+    const auto order = morton_order<uint64_t>(exec, own.data(), run.size(), 21);
+    const std::vector<uint32_t> before(run.begin(), run.end());
+    for (size_t i = 0; i < run.size(); ++i) run[i] = before[order.primitives.data()[i]];
+    order_runs(boxes, {order.codes.data(), run.size()}, run);
+  }
+}
+
 class Agglomeration {
  public:
   Agglomeration(Boxes boxes, Merge* merges, Progress& progress)
       : merges_(merges), progress_(progress), total_(static_cast<uint32_t>(boxes.size())) {
     CpuExec exec;
     const auto order = morton_order<uint64_t>(exec, boxes.data(), total_, 21);
+    order_runs(boxes, {order.codes.data(), total_}, {order.primitives.data(), total_});
     tree_.resize(total_);
     clusters_.resize(total_);
     moved_.resize(total_);

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <tuple>
 
 #include "bvh/oracle.hpp"
@@ -70,6 +71,18 @@ TEST(Agglomerative, merges_are_those_of_the_one_by_one_algorithm) {
       const std::vector<Aabb> boxes = random_boxes(count, count, size);
       EXPECT_EQ(inner_boxes(build(boxes, config)), merged_one_by_one(boxes));
     }
+}
+
+/// All Morton codes but one are equal there.
+TEST(Agglomerative, a_box_very_far_away_does_not_make_builds_take_the_square_of_the_number) {
+  std::vector<Aabb> boxes = random_boxes(100000, 7);
+  boxes.push_back({{1e9f, 0, 0}, {1e9f, 1, 1}});
+  Config config = with_builder(Builder::kAgglomerative);
+  config.max_leaf_size = 1;
+  const auto began = std::chrono::steady_clock::now();
+  const Bvh2 tree = build(boxes, config);
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(20));
+  EXPECT_EQ(tree.primitives.size(), boxes.size());
 }
 
 /// Each box within all later ones: the nearest two are always the innermost.
