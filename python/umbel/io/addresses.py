@@ -62,7 +62,7 @@ def fetched(address: str) -> Iterator[Path]:
         try:
             path.write_bytes(data)
         except OSError as error:
-            raise _unwritten(path, error) from None
+            raise unwritten(path, error) from None
         _fetch_references(path, address)
         yield path
 
@@ -133,16 +133,25 @@ def _fetch_references(path: Path, address: str) -> None:
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
         except OSError as error:
-            if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                raise _unwritten(target, error) from None
+            if is_full(error):
+                raise unwritten(target, error) from None
             continue
         except (Error, ValueError):
             continue
         waiting += references(name, data)
 
 
-def _unwritten(path: Path, error: OSError) -> Error:
-    return Error(f"cannot write {path}: {error.strerror or error}; TMPDIR can name another folder")
+def is_full(error: Exception) -> bool:
+    """Whether there is no room on this machine."""
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
+def unwritten(path: Path, error: Exception) -> Error:
+    """Says which file of the folder for temporary files could not be written."""
+    reason = getattr(error, "strerror", None) or error
+    said = Error(f"cannot write {path}: {reason}; TMPDIR can name another folder")
+    said.code = "io"
+    return said
 
 
 def _sibling(address: str, name: str) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import tempfile
 import time
 from abc import ABC, abstractmethod
 from collections import deque
@@ -20,6 +21,7 @@ from typing import Any
 
 from umbel import _umbel
 from umbel.errors import Error
+from umbel.io.addresses import is_full
 from umbel.io.blocks.layout import again
 
 #: In a work folder: how to open the source.
@@ -138,7 +140,10 @@ def perform(task: Task) -> Result:
     except MemoryError:
         return Result(task, f"{task.name} needs more memory than there is", "io")
     except Exception as error:  # every file system has its own
-        return Result(task, f"{task.name}: {type(error).__name__}: {error}", "io")
+        where = (
+            f", in {tempfile.gettempdir()}" if is_full(error) and task.inputs is not None else ""
+        )
+        return Result(task, f"{task.name}: {type(error).__name__}: {error}{where}", "io")
 
 
 def run(

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from umbel.errors import Error
-from umbel.io.addresses import name_of, reason_of, web_options
+from umbel.io.addresses import is_full, name_of, reason_of, unwritten, web_options
 from umbel.io.patterns import matches
 
 
@@ -59,6 +59,10 @@ class Folder:
         try:
             self._system.get_file(self._at(name), str(part))
             part.replace(path)
+        except OSError as error:
+            if is_full(error):
+                raise unwritten(path, error) from None
+            raise
         finally:
             part.unlink(missing_ok=True)
 
@@ -183,6 +187,8 @@ def fetch_sources(names: Sequence[str], folder: Path) -> list[Path]:
                 system.get_file(at, str(path))
                 tag.write_text(which)
         except Exception as error:
+            if is_full(error):
+                raise unwritten(path, error) from None
             raise Error(f"cannot read {name}: {reason_of(error)}") from None
         paths.append(path)
     return paths

@@ -4,7 +4,7 @@ number of the error's kind."""
 from __future__ import annotations
 
 import contextlib
-import sys
+import os
 from pathlib import Path
 
 _CODES = ("invalid_argument", "invalid_mesh", "io", "corrupt", "unsupported", "cancelled", "device")
@@ -27,12 +27,13 @@ def main(arguments: list[str]) -> int:
         return 0
     except Error as error:
         code = _CODES.index(error.code) if error.code in _CODES else _UNSUPPORTED
-        print(error, file=sys.stderr)
+        said = str(error)
     except MemoryError:
         code = _IO
-        print(
+        said = (
             f"unit {unit} of tier {tier} needs more memory than there is: give more, and go on "
-            "with resume",
-            file=sys.stderr,
+            "with resume"
         )
+    with contextlib.suppress(OSError):  # nor may there be for this
+        os.write(2, said.encode("utf-8", "backslashreplace"))
     return 10 + code

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import random
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,7 +14,8 @@ import pytest
 import umbel
 from umbel.cli.building.build_file import Limits, Options, build_units
 from umbel.scale.build_asset import build_asset
-from umbel.scale.executor import InProcess, Result, Task, perform
+from umbel.scale.executor import CODES, InProcess, Result, Task, perform
+from umbel.scale.storage import Folder, fetch_sources
 
 UNIT = 4000
 
@@ -128,3 +133,32 @@ class OfAnother(InProcess):
 def test_other_build_of_the_library_is_refused(tiles: list[Path], tmp_path: Path) -> None:
     with pytest.raises(umbel.Error, match="has another build of umbel"):
         build_asset(tiles, tmp_path / "a.umbel", unit_triangles=UNIT, executor=OfAnother())
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_worker_that_cannot_say_why_ends_with_the_kind_of_error(tmp_path: Path) -> None:
+    code = "import sys; from umbel.scale.worker import main; sys.exit(main(sys.argv[1:]))"
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-c", code, "1", str(tmp_path), "0", "0"]
+        done = subprocess.run(command, stderr=full, timeout=60, check=False)
+    assert done.returncode == 10 + CODES.index("io")
+
+
+def test_a_full_folder_for_temporary_files_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory = pytest.importorskip("fsspec").filesystem("memory")
+    memory.pipe_file("/full/a.ply", b"ply")
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(type(memory), "get_file", full)
+    for fetch in (
+        lambda: fetch_sources(["memory://full/a.ply"], tmp_path),
+        lambda: Folder("memory://full").get("a.ply", tmp_path / "a.ply"),
+    ):
+        with pytest.raises(umbel.Error, match=f"cannot write {tmp_path}.*TMPDIR") as found:
+            fetch()
+        assert found.value.code == "io"
+    memory.rm("/full", recursive=True)
