@@ -27,11 +27,11 @@ def replacing_together() -> Iterator[Opener]:
 
     @contextlib.contextmanager
     def opened(path: Path) -> Iterator[IO[bytes]]:
-        target = behind_links(path)
-        # Named before it is made, so that an interrupt at any moment leaves nothing.
-        temporary = beside(target)
-        temporaries[str(target)] = str(temporary)
         try:
+            target = behind_links(path)
+            # Named before it is made, so that an interrupt at any moment leaves nothing.
+            temporary = beside(target)
+            temporaries[str(target)] = str(temporary)
             if path.is_dir():  # which no file can replace
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
             with temporary.open("xb") as file:

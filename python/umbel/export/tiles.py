@@ -82,10 +82,10 @@ def export_tiles(
     above = whole("implicit_above", implicit_above)
     asset = source if isinstance(source, Asset) else Asset(source)
     target = Path(folder)
-    check_target(target)
-    with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
-        whole_folder = Path(made) / "tiles"
-        try:
+    try:
+        check_target(target)
+        with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
+            whole_folder = Path(made) / "tiles"
             whole_folder.mkdir()
             writer = _Writer(Source(asset, up), whole_folder, skirts, flatten)
             report = writer.write(most, above, thread_count(threads), progress)
@@ -93,8 +93,8 @@ def export_tiles(
             if target.exists():
                 target.rmdir()
             whole_folder.rename(target)
-        except OSError as error:
-            raise Error(f"cannot write {target}: {error.strerror or error}") from None
+    except OSError as error:
+        raise Error(f"cannot write {target}: {error.strerror or error}") from None
     lost = writer.source.losses()
     if lost:
         warn_lost(f"{target} was written without", lost, most=8)

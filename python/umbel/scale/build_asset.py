@@ -370,6 +370,8 @@ def _place(source: Any, output: str | os.PathLike[str], work: Any, is_elsewhere:
     if url or output_url or any(is_address(name) for name in names):
         root = scratch(url or output_url or os.path.abspath(as_path(output)))
     made = root / "asset.umbel" if root and output_url else Path(as_path(output))
+    if not made.name:
+        raise Error(f"the output {as_path(output)!r} names no file")
     folder = made.with_name(made.name + ".work")
     if root and (url or (output_url and work is None)):
         folder = root / "work"

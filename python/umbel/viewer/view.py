@@ -65,12 +65,12 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
     The folder must not exist yet, or be empty. It works best from a host that supports HTTP
     ranges; others send the whole file."""
     asset, target, page = checked(path), Path(folder), page_folder()
-    if target.exists() and (not target.is_dir() or any(target.iterdir())):
-        raise Error(f"{target} is there already and is not an empty folder")
-    if not target.absolute().parent.is_dir():
-        raise Error(f"{target}: there is no folder {target.absolute().parent}")
     images = images_beside(asset)
     try:
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            raise Error(f"{target} is there already and is not an empty folder")
+        if not target.absolute().parent.is_dir():
+            raise Error(f"{target}: there is no folder {target.absolute().parent}")
         with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
             whole = Path(made) / "viewer"
             _write(whole, page, asset, images)

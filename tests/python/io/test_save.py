@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import umbel
 from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES
 from helpers.meshes import full_mesh
 from umbel.errors import Error, LoadWarning
@@ -466,3 +467,17 @@ def test_names_that_are_no_text_are_written_and_read(tmp_path: Path, extension: 
     assert len(load(path).triangles) == count
     assert open_source(path, tmp_path / "work").triangles.triangles == count
     build_asset(path, tmp_path / "mesh.umbel", unit_triangles=1000)
+
+
+def test_a_name_that_is_too_long_is_an_error_of_ours(tmp_path: Path) -> None:
+    name = str(tmp_path / ("a" * 300))
+    mesh = umbel.shapes.blob(1, seed=1)
+    build_lod(mesh).save(tmp_path / "a.umbel")
+    for call in (
+        lambda: save(f"{name}.ply", mesh),
+        lambda: umbel.save_picture(f"{name}.png", np.zeros((2, 2, 3), np.float32)),
+        lambda: umbel.export_tiles(tmp_path / "a.umbel", name),
+        lambda: umbel.export_viewer(tmp_path / "a.umbel", name),
+    ):
+        with pytest.raises(Error, match=r"cannot write .*aaa.*: File name too long"):
+            call()

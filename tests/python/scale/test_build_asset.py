@@ -218,6 +218,9 @@ def test_folder_of_somebody_else_stays(terrain: Path, tmp_path: Path) -> None:
 
 
 def test_places_where_nothing_can_be_written(terrain: Path, tmp_path: Path) -> None:
+    for nothing in ("", "."):
+        with pytest.raises(umbel.Error, match=f"the output '{nothing}' names no file"):
+            build_asset(terrain, nothing)
     with pytest.raises(umbel.Error, match=r"a\.umbel: there is no folder .*missing"):
         build_asset(terrain, tmp_path / "missing" / "a.umbel", work=tmp_path / "work")
     (tmp_path / "link").symlink_to("missing/a.umbel")
