@@ -61,6 +61,8 @@ class Asset(HasTables):
                 info["metadata"] = json.loads(info["metadata"] or "{}")
             except ValueError as error:
                 raise Error(f"{self.path}: the metadata is no JSON ({error})") from None
+            if not isinstance(info["metadata"], dict):
+                raise Error(f"{self.path}: the metadata is no JSON object")
             self._info = info
         return self._info
 

@@ -126,6 +126,9 @@ def save_asset(
         raise Error(
             "there are no instances, but an asset shows at least one; None shows every mesh once"
         )
+    for name, given in (("metadata", metadata), ("scene", scene)):
+        if given is not None and not isinstance(given, dict):
+            raise Error(f"{name} must be a dict, not {type(given).__name__}")
     around = origin_of(origin if origin is not None else lods[0].origin if lods else zero_origin())
     if instances is None and any(not np.array_equal(lod.origin, around) for lod in lods):
         instances = [(k, np.eye(4)) for k in range(len(lods))]

@@ -187,3 +187,14 @@ def test_a_coarser_grid_makes_a_smaller_file_and_says_how_far_it_moved(tmp_path:
         assert umbel.verify(tmp_path / "a.umbel", cuts=8).ok
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[0] > 3 * sizes[3]
+
+
+def test_metadata_and_scenes_are_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, lods = tmp_path / "a.umbel", [umbel.build_lod(umbel.shapes.blob(1, seed=1))]
+    for name in ("metadata", "scene"):
+        with pytest.raises(umbel.Error, match=f"{name} must be a dict, not list"):
+            umbel.save_asset(path, lods, **{name: [1]})
+    monkeypatch.setattr("umbel.lod.save.encode", lambda _: "[1]")
+    umbel.save_asset(path, lods)
+    with pytest.raises(umbel.Error, match=r"a\.umbel: the metadata is no JSON object"):
+        umbel.Asset(path).mesh([0])
