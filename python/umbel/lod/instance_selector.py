@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
+from umbel.geometry.arrays import whole
 from umbel.geometry.camera import Camera
 from umbel.lod.tables import check_error
 
@@ -42,7 +43,9 @@ class InstanceSelector:
 
     def __init__(self, asset: Asset, max_bytes: int = 64 << 20) -> None:
         self.asset = asset
-        self._native = _umbel.InstanceSelector(asset._native, max_bytes)
+        self._native = _umbel.InstanceSelector(
+            asset._native, whole("max_bytes", max_bytes, 2**64 - 1)
+        )
 
     def step(
         self,

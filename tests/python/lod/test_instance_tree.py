@@ -56,6 +56,12 @@ def test_a_camera_sees_near_instances_and_stand_ins_afar(many: umbel.Asset) -> N
     assert far.shown <= 64
 
 
+def test_a_budget_that_is_none_is_refused(many: umbel.Asset) -> None:
+    for most in (-1, 0.5, 2**64):
+        with pytest.raises(umbel.Error, match="max_bytes must be"):
+            umbel.InstanceSelector(many, max_bytes=most)
+
+
 def test_threads_may_share_an_open_file_with_a_tree(many: umbel.Asset) -> None:
     with open(many.path, "rb") as file:
         asset = umbel.Asset(file)
