@@ -22,7 +22,9 @@ def check_output(path: Path, *suffixes: str, inputs: Sequence[str | Path] = ()) 
     for source in inputs:
         if _is_same(path, source):
             fail(f"{path} is the input; the output must be another file")
-    check_folder(path.absolute().parent, f"{path}: ")
+    # A link stays one: what it leads to is written.
+    where = Path(os.path.realpath(path)) if path.is_symlink() else path.absolute()
+    check_folder(where.parent, f"{path}: ")
 
 
 def check_references(outputs: Sequence[Path], source: str) -> None:

@@ -38,7 +38,8 @@ class Device(str, enum.Enum):
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_PATHS = ("source", "path", "inputs", "scenes", "output", "export")
+_INPUTS = ("source", "path", "inputs", "scenes")
+_PATHS = (*_INPUTS, "output", "export")
 """Arguments that are files and folders, inputs first."""
 
 
@@ -141,7 +142,8 @@ def _end(
     failure: Failure, given: Mapping[str, Any], flags: Mapping[str, str], names_file: bool
 ) -> NoReturn:
     paths = _paths(given)
-    source = failure.source if failure.source is not None else next(iter(paths), None)
+    inputs = _paths({name: given.get(name) for name in _INPUTS})
+    source = failure.source if failure.source is not None else next(iter(inputs), None)
     own = {
         name: f"--{name.replace('_', '-')}" for name in given if name not in (*_PATHS, "as_json")
     }

@@ -213,10 +213,12 @@ def test_outputs_are_checked_before_the_input_is_read(
     shutil.copyfile(small, copy)
     link = tmp_path / "link.umbel"
     link.symlink_to(copy)
+    (tmp_path / "away.umbel").symlink_to(tmp_path / "no" / "a.umbel")
     for arguments, word in (
         (["build", "nothing.ply", "-o", tmp_path / "a.txt"], ".umbel"),
         (["build", "nothing.ply", "-o", tmp_path / "no" / "a.umbel"], "no folder"),
         (["build", "nothing.ply", "-o", "/proc/a.umbel"], "/proc"),
+        (["build", "nothing.ply", "-o", tmp_path / "away.umbel"], "no folder"),
         (["build", copy, "-o", link], "is the input"),
         (["extract", asset, "--level", 0, "-o", tmp_path / "folder.ply"], "is a folder"),
         (["extract", asset, "--level", 0, "-o", tmp_path / "pipe.ply"], "no ordinary file"),
@@ -326,6 +328,11 @@ def test_an_interrupted_command_says_so_as_an_object(tmp_path: Path) -> None:
     assert process.returncode == 130 and err == "umbel: interrupted\n"
     assert json.loads(out) == {"error": "interrupted", "input": str(source)}
     assert os.listdir(tmp_path) == ["pipe.ply"]
+
+
+def test_an_output_at_fault_is_no_input(umbel_command: Umbel, small: Path) -> None:
+    done = umbel_command("bench", "clusters", "-o", small, "--json")
+    assert done.json == {"error": f"{small} is a file, not a folder", "input": None}
 
 
 def test_a_command_that_is_unknown_has_no_input(umbel_command: Umbel) -> None:
