@@ -185,7 +185,7 @@ std::vector<InstanceCut> instance_cuts(const Tables& tables, const GeneratedClus
 }
 
 /// Refines what fits, best first; `left` is what may be spent.
-void refine_what_fits(std::vector<InstanceCut>& cuts, uint64_t left) {
+void refine_what_fits(std::vector<InstanceCut>& cuts, const Costs& costs, uint64_t left) {
   std::vector<std::vector<Refinable>> first(cuts.size());
   parallel_for(cuts.size(), 1, [&](size_t i) {
     for (const uint32_t g : cuts[i].all_next())
@@ -196,16 +196,27 @@ void refine_what_fits(std::vector<InstanceCut>& cuts, uint64_t left) {
     for (const Refinable& candidate : some) queue.push(candidate);
   int64_t room = static_cast<int64_t>(std::min<uint64_t>(left, INT64_MAX));
   std::vector<uint32_t> next;
+  std::vector<Refinable> unaffordable;
+  bool may_fit = false;  // some of them, by now
   while (!queue.empty()) {
     const Refinable best = queue.top();
     queue.pop();
     InstanceCut& cut = cuts[best.instance];
     const int64_t price = cut.price(best.group);
-    if (price > room) continue;
-    room -= price;
-    next.clear();
-    cut.refine(best.group, next);
-    for (const uint32_t g : next) queue.push(cut.candidate(best.instance, g));
+    if (price > room) {
+      unaffordable.push_back(best);
+    } else {
+      room -= price;
+      next.clear();
+      cut.refine(best.group, next);
+      for (const uint32_t g : next) queue.push(cut.candidate(best.instance, g));
+      // There is more room, or a group that its neighbours' clusters are in is no longer drawn.
+      may_fit |= price < 0 || !costs.groups.empty();
+    }
+    if (!queue.empty() || !may_fit) continue;
+    for (const Refinable& candidate : unaffordable) queue.push(candidate);
+    unaffordable.clear();
+    may_fit = false;
   }
 }
 
@@ -227,8 +238,8 @@ BudgetCuts select_for_budget(const Tables& tables, const View& view, const Costs
   result.view = view_for_budget(tables, view, costs, budget, culling, instances);
   cuts = instance_cuts(tables, generated, costs, view, result.view, culling, instances);
   gather();
-  if (result.cost < budget) {
-    refine_what_fits(cuts, budget - result.cost);
+  if (result.cost <= budget) {
+    refine_what_fits(cuts, costs, budget - result.cost);
     gather();
   }
   result.cuts = join_cuts(clusters);

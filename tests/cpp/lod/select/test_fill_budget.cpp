@@ -120,6 +120,31 @@ TEST(FillBudget, nothing_that_fits_is_left) {
   }
 }
 
+// Nor where a budget of groups is used up, but another group takes the place of one.
+TEST(FillBudget, nothing_that_fits_is_left_of_a_budget_of_groups) {
+  const Tables& tables = blob_dag().tables;
+  const std::vector<uint32_t> one_a_group(tables.groups.size(), 1);
+  for (uint64_t budget = 1; budget < 100; budget += 3) {
+    const BudgetCuts made =
+        select_for_budget(tables, view_error(0), Costs({}, one_a_group), budget);
+    const std::set<uint32_t> open = refined(tables, made.cuts.clusters);
+    std::map<uint32_t, std::set<uint32_t>> above;
+    for (const Cluster& cluster : tables.clusters)
+      above[cluster.generating_group].insert(cluster.group);
+    for (uint32_t g = 0; g < tables.groups.size(); ++g) {
+      if (open.count(g) || tables.groups[g].error == 0 || !std::ranges::includes(open, above[g]))
+        continue;
+      std::set<uint32_t> drawn;
+      for (const Cluster& cluster : tables.clusters) {
+        const auto is_open = [&](uint32_t group) { return group == g || open.count(group) > 0; };
+        if (is_open(cluster.group) && !is_open(cluster.generating_group))
+          drawn.insert(cluster.group);
+      }
+      EXPECT_GT(drawn.size(), budget) << g;
+    }
+  }
+}
+
 // Every threshold refines the groups whose spheres have the eye inside.
 TEST(FillBudget, an_eye_inside_keeps_the_budget) {
   const Tables& tables = blob_dag().tables;
