@@ -72,7 +72,8 @@ class UMBEL_API DynamicTree {
   /// The primitives whose boxes touch a box, sorted.
   std::vector<uint32_t> overlaps(const Aabb& box) const;
   /// As a tree of its own, with leaves of up to `max_leaf_size` by cost: for the traversals of
-  /// bvh_traverse.hpp, and, of triangles, for Bvh::widen.
+  /// bvh_traverse.hpp, and, of triangles, for Bvh::widen. What is deeper than 255 levels, as boxes
+  /// within boxes may be, is made shallower.
   Bvh2 snapshot(uint32_t max_leaf_size = 8) const;
 
   /// nodes()[0] is the root; some of the others may be out of use. None where there are no

@@ -5,7 +5,9 @@
 #include <utility>
 
 #include "bvh/build/growing_tree.hpp"
+#include "bvh/tree/config.hpp"
 #include "bvh/tree/node_area.hpp"
+#include "umbel/bvh_traverse.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -276,6 +278,7 @@ Bvh2 DynamicTree::snapshot(uint32_t max_leaf_size) const {
     const uint32_t left = node.first_child();
     stack.insert(stack.end(), {{left + 1, first + 1}, {left, first}});
   }
+  limit_depth(result, kMaxTraversalDepth);
   collapse_leaves(result, data_->cost, max_leaf_size);
   return result;
 }

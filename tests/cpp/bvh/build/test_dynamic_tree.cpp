@@ -220,6 +220,26 @@ TEST(DynamicTree, a_snapshot_of_triangles_answers_rays) {
   EXPECT_EQ(widened.intersect(ray), built.intersect(ray));
 }
 
+TEST(DynamicTree, a_snapshot_of_boxes_within_boxes_can_be_traversed) {
+  DynamicTree tree;
+  for (int i = 1; i <= 2000; ++i) {
+    const auto x = float(i);
+    tree.insert({{-x, -x, -x}, {x, x, x}});
+  }
+  for (const uint32_t max_leaf_size : {1u, 8u}) {
+    const bvh::Bvh2 snapshot = tree.snapshot(max_leaf_size);
+    bvh::check(snapshot, 2000);
+    size_t visited = 0;
+    bvh::traverse(
+        snapshot, [](const bvh::Node&) { return true; },
+        [&](std::span<const uint32_t> leaf) {
+          visited += leaf.size();
+          return true;
+        });
+    EXPECT_EQ(visited, 2000u);
+  }
+}
+
 TEST(DynamicTree, refuses_what_is_not_there_and_stays_as_it_was) {
   DynamicTree tree;
   const Aabb box{{0, 0, 0}, {1, 1, 1}};
