@@ -1,4 +1,5 @@
-import { describe, expect, test } from "vitest";
+import { PerspectiveCamera, type WebGLRenderer } from "three";
+import { afterEach, describe, expect, test, vi } from "vitest";
 import { HttpSource } from "../../../packages/umbel/src/source/http_source.js";
 import { assetInfoOf } from "../../../packages/umbel/src/stream/asset_info.js";
 import { UmbelMesh } from "../../../packages/umbel/src/three/umbel_mesh.js";
@@ -38,4 +39,33 @@ describe.each([Number.NaN, -1, Infinity, "256", true, {}])("%j", (wrong) => {
 test("an error of 0 is allowed, a budget of 0 is not", async () => {
   expect(meshOf({ pixelError: 0, offscreen: 0 }).pixelError).toBe(0);
   await expect(UmbelMesh.load("a.umbel", { budget: 0 })).rejects.toThrow("it is 0.");
+});
+
+afterEach(() => {
+  vi.unstubAllGlobals();
+});
+
+test.each([undefined, new ArrayBuffer(4), new URL("https://a.test/a.umbel")])(
+  "what is neither an address nor a Blob is named as such: %s",
+  async (source) => {
+    const load = UmbelMesh.load(source as unknown as string);
+    await expect(load).rejects.toThrow("`source` must be an address");
+  },
+);
+
+test("a worker that the browser refuses is an UmbelError", async () => {
+  vi.stubGlobal("document", { baseURI: "https://a.test/" });
+  const refuse = () => {
+    throw new Error("another origin");
+  };
+  vi.stubGlobal("Worker", new Proxy(class {}, { construct: refuse }));
+  await expect(UmbelMesh.load("a.umbel")).rejects.toMatchObject({
+    kind: "unsupported",
+    message: "The browser could not start the worker: another origin",
+  });
+});
+
+test("other renderers than WebGLRenderer are refused", () => {
+  const other = { isWebGPURenderer: true } as unknown as WebGLRenderer;
+  expect(() => meshOf().update(new PerspectiveCamera(), other)).toThrow("by a WebGLRenderer");
 });

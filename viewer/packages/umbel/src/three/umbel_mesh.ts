@@ -248,6 +248,8 @@ export class UmbelMesh extends Object3D {
 
   /** Applies what has arrived and requests what is visible. To be called before each frame. */
   update(camera: Camera, renderer: WebGLRenderer): void {
+    if (!renderer.extensions)
+      throw new TypeError("An UmbelMesh is drawn by a WebGLRenderer, not by other renderers.");
     const start = performance.now();
     this.updateWorldMatrix(true, false);
     camera.updateWorldMatrix(true, false);

@@ -30,10 +30,10 @@ export class AssetStream {
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
   static async open(source: string | Blob, options: StreamOptions): Promise<AssetStream> {
     checkNumber("budget", options.budget, true);
+    if (typeof source !== "string" && !(source instanceof Blob))
+      throw new TypeError("`source` must be an address, as a string, or a Blob.");
     const address = typeof source === "string" ? addressOf(source) : undefined;
-    const worker = new Worker(new URL("./stream_worker.js", import.meta.url), {
-      type: "module",
-    });
+    const worker = startWorker();
     let stream: AssetStream | undefined;
     return new Promise((resolve, reject) => {
       const fail = (error: UmbelError) => {
@@ -134,6 +134,15 @@ function addressOf(source: string): string {
     return new URL(source, document.baseURI).href;
   } catch {
     throw new UmbelError("missing", `${source} is not an address.`);
+  }
+}
+
+function startWorker(): Worker {
+  try {
+    return new Worker(new URL("./stream_worker.js", import.meta.url), { type: "module" });
+  } catch (error) {
+    const reason = error instanceof Error ? error.message : String(error);
+    throw new UmbelError("unsupported", `The browser could not start the worker: ${reason}`);
   }
 }
 

@@ -4,6 +4,7 @@
 // draws nothing. The ranges are drawn right after, while those are bound.
 
 import {
+  type BufferAttribute,
   type BufferGeometry,
   type InstancedBufferAttribute,
   LineSegments,
@@ -28,9 +29,6 @@ interface MultiDraw {
 
 type Mode = "TRIANGLES" | "LINES";
 type IndexType = "UNSIGNED_INT" | "UNSIGNED_SHORT";
-
-/** Vertices of a geometry from which three.js has four bytes an index in its wireframe. */
-const MAX_SHORT = 65535;
 
 /** Ranges of indices, in the form of WEBGL_multi_draw. */
 export class Ranges {
@@ -101,8 +99,10 @@ function draw(
   if (!(material as MeshBasicMaterial).wireframe)
     ranges.draw(renderer, mode, "UNSIGNED_INT", count);
   else if (mode === "TRIANGLES") {
-    // three.js has bound lines in place of the triangles.
-    const isShort = geometry.getAttribute("position").count < MAX_SHORT;
+    // three.js has bound lines in place of the triangles, with two or four bytes an index.
+    const gl = renderer.getContext();
+    const bytes = gl.getBufferParameter(gl.ELEMENT_ARRAY_BUFFER, gl.BUFFER_SIZE) as number;
+    const isShort = bytes < 8 * (geometry.index as BufferAttribute).count;
     const lines = ranges.asLines(isShort ? 2 : 4);
     lines.draw(renderer, "LINES", isShort ? "UNSIGNED_SHORT" : "UNSIGNED_INT", count);
   }
