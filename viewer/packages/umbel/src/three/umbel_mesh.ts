@@ -32,7 +32,7 @@ import { Materials } from "./materials/materials.js";
 import { unsupportedFeatures } from "./materials/unsupported.js";
 import { MemoryBudget } from "./memory_budget.js";
 import { type DrawCounts, MeshInstance } from "./mesh_instance.js";
-import { castRay } from "./raycast.js";
+import { castRay, type SideOf } from "./raycast.js";
 import { TexelDemand } from "./textures/texel_demand.js";
 import type { TextureStatistics } from "./textures/textures.js";
 import { UpdateQueue } from "./update_queue.js";
@@ -286,7 +286,8 @@ export class UmbelMesh extends Object3D {
   }
 
   override raycast(raycaster: Raycaster, intersections: Intersection[]): void {
-    castRay(this, this.instances, this.residents, raycaster, intersections);
+    const sideOf: SideOf = (material, layout) => this.materials.sideOf(material, layout);
+    castRay(this, this.instances, this.residents, sideOf, raycaster, intersections);
   }
 
   private applyUpdates(start: number): void {

@@ -30,7 +30,8 @@ export class AssetStream {
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
   static async open(source: string | Blob, options: StreamOptions): Promise<AssetStream> {
     checkNumber("budget", options.budget, true);
-    if (typeof source !== "string" && !(source instanceof Blob))
+    // Blobs of other windows are none of this one's.
+    if (typeof source !== "string" && typeof source?.arrayBuffer !== "function")
       throw new TypeError("`source` must be an address, as a string, or a Blob.");
     const address = typeof source === "string" ? addressOf(source) : undefined;
     const worker = startWorker();

@@ -7,6 +7,7 @@ import {
   MeshBasicMaterial,
   MeshPhysicalMaterial,
   MeshStandardMaterial,
+  type Side,
   Vector2,
 } from "three";
 import { isJson, type Json, jsonOf, numberOf, numbersOf, textOf } from "../../format/gltf.js";
@@ -116,6 +117,10 @@ function flipNormalMaps(material: MeshStandardMaterial): void {
   if (material instanceof MeshPhysicalMaterial) material.clearcoatNormalScale.y *= -1;
 }
 
+export function sideOf(gltf: Json): Side {
+  return gltf.doubleSided === true ? DoubleSide : FrontSide;
+}
+
 /** The properties of materials of all kinds. */
 function sharedOf(gltf: Json, { colors }: VertexLayout) {
   const pbr = jsonOf(gltf.pbrMetallicRoughness);
@@ -129,7 +134,7 @@ function sharedOf(gltf: Json, { colors }: VertexLayout) {
     name: textOf(gltf.name),
     color: new Color(r, g, b),
     vertexColors: colors,
-    side: gltf.doubleSided === true ? DoubleSide : FrontSide,
+    side: sideOf(gltf),
     // Batch draws both sides in its own call, after three.js's.
     forceSinglePass: true,
     transparent: isBlended,

@@ -1,12 +1,12 @@
 // The materials of an asset, converted from glTF when they are first drawn.
 
-import type { Material } from "three";
+import type { Material, Side } from "three";
 import { type Json, jsonOf, listOf, textOf } from "../../format/gltf.js";
 import type { AssetStream } from "../../worker/asset_stream.js";
 import type { VertexLayout } from "../geometry/arena.js";
 import { channelOf } from "../textures/sampler.js";
 import { Textures } from "../textures/textures.js";
-import { makeMaterial, plainMaterial, UNLIT } from "./material_maker.js";
+import { makeMaterial, plainMaterial, sideOf, UNLIT } from "./material_maker.js";
 import { BASE_COLOR, PHYSICAL, type Slot, STANDARD, textureInfo } from "./material_slots.js";
 
 const GLOSSY: Slot = {
@@ -51,7 +51,7 @@ export class Materials {
 
   /** The material of an index, for vertices of a layout. */
   of(index: number, layout: VertexLayout): Material {
-    const key = [index, layout.normals, layout.tangents, layout.colors, layout.uvs].join();
+    const key = keyOf(index, layout);
     let material = this.made.get(key);
     if (!material) {
       const gltf = this.definitions[index];
@@ -61,6 +61,11 @@ export class Materials {
       this.all.push(material);
     }
     return material;
+  }
+
+  /** Which sides of triangles that material shows, whether it has been made or not. */
+  sideOf(index: number, layout: VertexLayout): Side {
+    return this.made.get(keyOf(index, layout))?.side ?? sideOf(this.definitions[index] ?? {});
   }
 
   /** Reports something that is not shown, once; or that it `holds` no longer. */
@@ -101,4 +106,8 @@ export class Materials {
     } else if (!this.textures.use(index, material, slots, info, isColor, placeholder))
       this.note("A texture is not shown: the asset has no image for it.");
   }
+}
+
+function keyOf(index: number, { normals, tangents, colors, uvs }: VertexLayout): string {
+  return [index, normals, tangents, colors, uvs].join();
 }
