@@ -8,6 +8,7 @@ namespace umbel::kdtree {
 
 std::vector<uint32_t> overlaps(const Tree& tree, std::span<const Aabb> boxes, const Aabb& box) {
   std::vector<uint32_t> found;
+  if (is_empty(box)) return found;  // also where it would seem to lie across another
   traverse(tree, box, [&](std::span<const uint32_t> primitives) {
     for (const uint32_t i : primitives) {
       if (i >= boxes.size())

@@ -192,6 +192,13 @@ TEST(KdTreeBoxes, a_target_leaf_size_ends_splits) {
   }
 }
 
+TEST(KdTreeBoxes, an_empty_region_touches_nothing) {
+  const std::vector<Aabb> boxes(3, Aabb{{0, 0, 0}, {1, 1, 1}});
+  const kdtree::Tree tree = kdtree::build(boxes);
+  EXPECT_EQ(kdtree::overlaps(tree, boxes, {{1, 1, 1}, {1, 1, 1}}).size(), 3u);
+  EXPECT_TRUE(kdtree::overlaps(tree, boxes, {{1, 0, 0}, {0, 1, 1}}).empty());
+}
+
 TEST(KdTreeBoxes, refuses_what_is_no_box) {
   std::vector<Aabb> boxes = random_boxes(10, 1);
   EXPECT_TRUE(kdtree::build(std::span<const Aabb>()).nodes.empty());

@@ -240,6 +240,13 @@ TEST(DynamicTree, a_snapshot_of_boxes_within_boxes_can_be_traversed) {
   }
 }
 
+TEST(DynamicTree, an_empty_region_touches_nothing) {
+  DynamicTree tree;
+  tree.insert({{0, 0, 0}, {1, 1, 1}});
+  EXPECT_EQ(tree.overlaps({{1, 1, 1}, {1, 1, 1}}).size(), 1u);
+  EXPECT_TRUE(tree.overlaps({{1, 0, 0}, {0, 1, 1}}).empty());
+}
+
 TEST(DynamicTree, refuses_what_is_not_there_and_stays_as_it_was) {
   DynamicTree tree;
   const Aabb box{{0, 0, 0}, {1, 1, 1}};
