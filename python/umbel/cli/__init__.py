@@ -27,10 +27,11 @@ def _stop(number: int, _frame: FrameType | None) -> NoReturn:
     raise Stopped(number)
 
 
-def _stop_behind(error: BaseException | None) -> Stopped | None:
-    """The signal behind an error: Python before 3.12 wraps what is raised as a class is made."""
+def stop_behind(error: BaseException | None) -> Stopped | None:
+    """The signal behind an error: Python before 3.12 wraps what is raised as a class is made, and
+    an import that is interrupted may look like one that is not possible."""
     while error is not None and not isinstance(error, Stopped):
-        error = error.__cause__
+        error = error.__cause__ or error.__context__
     return error
 
 
@@ -58,8 +59,8 @@ def main() -> None:
 
         status = _run(app, sys.argv[1:])
         print(end="", flush=True)
-    except (Stopped, RuntimeError) as error:
-        stopped = _stop_behind(error)
+    except (Stopped, RuntimeError, ImportError) as error:
+        stopped = stop_behind(error)
         if stopped is None:
             raise
         print(f"umbel: {stopped.word}", file=sys.stderr)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
 import typer
 
-from umbel.cli import Stopped, discard_output
+from umbel.cli import Stopped, discard_output, stop_behind
 from umbel.cli.failure import Failure, failure_object, naming_file, one_line, with_flags
 
 if TYPE_CHECKING:
@@ -74,7 +74,8 @@ def ends_cleanly(flags: Mapping[str, str] | None = None) -> Callable[[Command], 
                 return result
             except typer.Exit:
                 raise
-            except (Exception, Stopped) as error:
+            except (Exception, Stopped) as raised:
+                error = stop_behind(raised) or raised
                 failure = _failure(error, kwargs.get("drop_invalid") is False)
                 if failure is None:  # a fault of ours: the traceback says where
                     if kwargs.get("as_json"):

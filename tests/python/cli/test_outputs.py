@@ -370,3 +370,33 @@ umbel.cli.main()
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert_one_sentence(Outcome(done.returncode, done.stdout, done.stderr), status=143)
+
+
+def test_a_signal_while_a_module_is_imported_is_no_missing_package() -> None:
+    program = """
+import os, signal, sys, types
+import umbel, umbel.cli
+from umbel.cli.run import ends_cleanly
+
+@ends_cleanly()
+def command():
+    try:
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+        except BaseException as stopped:  # as extension modules do
+            raise ImportError("initialization failed") from stopped
+    except ImportError:
+        raise umbel.Error("a package is missing") from None
+
+def app(prog_name):
+    import typer
+    typer.run(command)
+
+sys.modules["umbel.cli.app"] = types.SimpleNamespace(app=app)
+sys.argv = ["umbel"]
+umbel.cli.main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (130, "umbel: interrupted\n")
