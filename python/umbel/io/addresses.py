@@ -182,6 +182,8 @@ def reason_of(error: Exception) -> str:
         return str(error) or type(error).__name__
     cause = error.__cause__
     status = getattr(cause, "status", None)
+    if status == 0:  # there is no last answer
+        return "the server redirects too often"
     if status is not None:
         return f"the server answers {status} {getattr(cause, 'message', '')}".strip()
     return str(cause or "no such file")

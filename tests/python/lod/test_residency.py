@@ -140,6 +140,30 @@ def test_a_server_without_ranges_is_called_so(folder: Path) -> None:
         thread.join()
 
 
+def test_a_server_that_redirects_in_a_circle_is_called_so() -> None:
+    pytest.importorskip("aiohttp")
+
+    class Circle(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(302)
+            self.send_header("Location", self.path)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+
+        do_HEAD = do_GET
+
+        def log_message(self, *args: object) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Circle) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        with pytest.raises(umbel.Error, match=r"cannot open .*: the server redirects too often"):
+            umbel.Asset(f"http://127.0.0.1:{server.server_port}/a.umbel")
+        server.shutdown()
+        thread.join()
+
+
 def test_an_asset_opens_from_memory_an_archive_and_an_open_file(folder: Path) -> None:
     fsspec = pytest.importorskip("fsspec")
     data = (folder / "a.umbel").read_bytes()
