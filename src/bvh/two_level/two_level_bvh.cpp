@@ -52,6 +52,8 @@ TwoLevelBvh::TwoLevelBvh(std::vector<BottomTree> clusters,
                          std::vector<InstanceTransform> transforms, std::span<const Vec3> positions,
                          std::span<const Triangle> triangles)
     : clusters_(std::move(clusters)), transforms_(std::move(transforms)) {
+  for (const BottomTree& cluster : clusters_)
+    scales_.push_back(cluster.tree.nodes.empty() ? 1 : moderate_scale(cluster.tree.nodes[0].box()));
   corners_.reserve(triangles.size());
   for (const Triangle& t : triangles)
     corners_.push_back({positions[t[0]], positions[t[1]], positions[t[2]]});
@@ -103,7 +105,10 @@ void TwoLevelBvh::visit(const TopLevel& top, const Ray& ray, const RayOptions& o
             local.transform = instance.transform;
             local.set(space_, transformed);
           }
-          if (local.is_sound) visit_cluster(instance, local, options, limit, found);
+          if (!local.is_sound) continue;
+          local.frame.scale = scales_[instance.cluster];
+          local.frame.unscale = 1 / local.frame.scale;
+          visit_cluster(instance, local, options, limit, found);
         }
         return limit;
       });
@@ -113,9 +118,7 @@ template <typename LocalRay, typename Found>
 void TwoLevelBvh::visit_cluster(const ClusterInstance& instance, const LocalRay& local,
                                 const RayOptions& options, float& limit, const Found& found) const {
   const BottomTree& cluster = clusters_[instance.cluster];
-  RayFrame frame = local.frame;
-  frame.scale = moderate_scale(cluster.tree.nodes[0].box());
-  frame.unscale = 1 / frame.scale;
+  const RayFrame& frame = local.frame;
   traverse_ordered(
       cluster.tree, [&](const Node& node) { return local.entry(node.box(), limit); },
       [&](std::span<const uint32_t> primitives) {
@@ -188,7 +191,8 @@ uint64_t TwoLevelBvh::bytes() const {
       corners_.capacity() * sizeof corners_[0] + transforms_.capacity() * sizeof(InstanceTransform);
   for (const TopLevel* top : {&primary_, &secondary_})
     bytes += of_tree(top->tree) + top->instances.capacity() * sizeof(ClusterInstance);
-  for (const BottomTree& cluster : clusters_) bytes += sizeof cluster + of_tree(cluster.tree);
+  for (const BottomTree& cluster : clusters_)
+    bytes += sizeof cluster + sizeof scales_[0] + of_tree(cluster.tree);
   return bytes;
 }
 

@@ -79,6 +79,7 @@ class TwoLevelBvh {
                      const RayOptions& options, float& limit, const Found& found) const;
 
   std::vector<BottomTree> clusters_;
+  std::vector<float> scales_;  ///< of clusters: what brings their triangles into a safe range
   std::vector<InstanceTransform> transforms_;
   std::vector<std::array<Vec3, 3>> corners_;
   LeafStore space_;  ///< for make_frame: the largest coordinates of clusters
