@@ -67,7 +67,7 @@ def ends_cleanly(flags: Mapping[str, str] | None = None) -> Callable[[Command], 
     def decorate(command: Command) -> Command:
         @functools.wraps(command)
         def wrapper(*args: Any, **kwargs: Any) -> Any:
-            warnings.showwarning = _show_warning
+            listen(_show_warning)
             try:
                 result = command(*args, **kwargs)
                 print(end="", flush=True)
@@ -181,6 +181,12 @@ def hear(message: Warning | str) -> str:
     return sentence
 
 
+def listen(show: Callable[..., None]) -> None:
+    """Has warnings shown so, whatever PYTHONWARNINGS says of them: results hold them all."""
+    warnings.showwarning = show
+    warnings.simplefilter("default", UserWarning)
+
+
 def warn_no_effect(flag: str, why: str) -> None:
     """Names a flag that is given in vain: scripts give all methods the same ones."""
     warnings.warn(f"{flag} has no effect: {why}", stacklevel=3)
@@ -245,7 +251,7 @@ def _print_table(result: dict[str, Any], title: str) -> None:
     from rich.table import Table
 
     table = Table(title=escape(title), show_header=False, title_justify="left")
-    table.add_column(style="bold", no_wrap=True)
+    table.add_column(style="bold", overflow="fold")
     table.add_column(justify="right", overflow="fold")
     for key, value in _rows(result):
         table.add_row(escape(key.replace("_", " ")), escape(value))

@@ -419,13 +419,18 @@ def test_what_is_done_soon_shows_no_bar(blob_ply: Path, tmp_path: Path) -> None:
     assert "20,480" in said and "100%" not in said and "━" not in said
 
 
-def _on_a_terminal(*arguments: object, patience: float) -> str:
+def test_a_narrow_terminal_shows_values(blob_asset: Path) -> None:
+    said = _on_a_terminal("info", blob_asset, patience=1e9, columns=30)
+    assert "20,480" in said
+
+
+def _on_a_terminal(*arguments: object, patience: float, columns: int = 100) -> str:
     """What the command shows at a terminal; with bars for what takes longer than `patience`."""
     program = (
         f"import umbel.cli, umbel.cli.progress as p; p.PATIENCE = {patience}; umbel.cli.main()"
     )
     main, other = pty.openpty()
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": str(columns)}
     process = subprocess.Popen(
         [sys.executable, "-c", program, *map(str, arguments)],
         stdout=other,

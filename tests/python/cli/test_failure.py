@@ -147,6 +147,18 @@ def test_info_refuses_what_build_refuses(umbel_command: Umbel, tmp_path: Path) -
     assert said["valid"] is False and done.err == f"umbel: {said['problem']}\n"
 
 
+@pytest.mark.parametrize("rule", ["ignore", "error"])
+def test_results_hold_warnings_whatever_the_environment_says(
+    umbel_command: Umbel, tmp_path: Path, rule: str
+) -> None:
+    source = tmp_path / "a.obj"
+    source.write_bytes(b"mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
+    environment = {**os.environ, "PYTHONWARNINGS": rule}
+    for command in (["info", source], ["build", source, "-o", f"{tmp_path}/"]):
+        done = umbel_command(*command, "--json", env=environment)
+        assert done.status == 0 and "none.mtl" in done.json["warnings"][0], done.err
+
+
 def test_references_leave_the_folder_by_a_flag_only(umbel_command: Umbel, tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()

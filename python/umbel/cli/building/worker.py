@@ -7,14 +7,13 @@ import json
 import os
 import signal
 import sys
-import warnings
 from pathlib import Path
 from typing import IO, Any
 
 from umbel.cli import Stopped, _stop
 from umbel.cli.building.build_file import Limits, Options, build_file, build_units, in_units
 from umbel.cli.failure import one_line
-from umbel.cli.run import hear, heard, sentence_of
+from umbel.cli.run import hear, heard, listen, sentence_of
 
 
 def main() -> None:
@@ -23,7 +22,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _stop)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    warnings.showwarning = _keep_warning
+    listen(_keep_warning)
     try:
         _work(sys.stdin, answers)
     except (Stopped, BrokenPipeError):
