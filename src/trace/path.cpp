@@ -155,7 +155,13 @@ class Path {
   Vec3 visibility(const Ray& ray, uint32_t body) {
     ++counts_.shadow;
     if (scene_.see_through) return visibility_through(ray, body);
-    return scene_.occluded(ray) ? Vec3{0, 0, 0} : Vec3{1, 1, 1};
+    return scene_.occluded(ray) ? Vec3{0, 0, 0} : absorbed_to_end(ray, body, 0.0f);
+  }
+
+  /// Of a ray that meets nothing more: what is left where its light is in a body, too.
+  Vec3 absorbed_to_end(const Ray& ray, uint32_t body, float crossed) const {
+    if (!scene_.absorbs || body == kNone || !std::isfinite(ray.t_max)) return {1, 1, 1};
+    return absorbed(body, ray.t_max - crossed);
   }
 
   [[gnu::noinline]] Vec3 visibility_through(const Ray& ray, uint32_t body) {
@@ -167,7 +173,7 @@ class Path {
     ahead_.clear();
     SceneHit hit = scene_.intersect(ray, {.mask = kSeeThroughBit}, kOtherRays);
     for (uint32_t layer = 0; layer < kMostLayers; ++layer) {
-      if (!hit.hit()) return through;
+      if (!hit.hit()) return through * absorbed_to_end(ray, body, crossed);
       const Passage passage = passage_at(scene_, hit, ray.direction);
       through = through * passage.through;
       if (is_black(through)) return none;

@@ -179,6 +179,23 @@ TEST(Layers, shadow_rays_change_the_noise_and_not_the_picture) {
   }
 }
 
+TEST(Layers, lamps_in_a_body_light_what_else_is_in_it_as_far_as_it_lets_them) {
+  std::vector<Material> materials = {glass(), lambert(0.8f), emitter(5)};
+  materials[0].attenuation_color = {0.3f, 0.3f, 0.3f};
+  materials[0].attenuation_distance = 1.0f;
+  Mesh mesh = slab(1.0f);
+  append(mesh, square(50), {0, 0, -0.5f}, 1);
+  append(mesh, square(0.5f), {0.8f, 0, 0.5f}, 2);
+  for (const float ior : {1.0f, 1.5f}) {
+    materials[0].ior = ior;
+    Settings settings = small_picture(8, 4096);
+    const double with = mean(picture_of(mesh, materials, constant(0), settings));
+    settings.shadow_samples = 0;
+    const double without = mean(picture_of(mesh, materials, constant(0), settings));
+    EXPECT_NEAR(with / without, 1.0, 0.03) << ior;
+  }
+}
+
 TEST(Layers, what_is_unlit_shows_its_colour_in_any_light) {
   Material sign = lambert(0.3f);
   sign.unlit = true;
