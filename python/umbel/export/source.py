@@ -18,6 +18,7 @@ from umbel.errors import Error
 from umbel.export.piece import Doubles, Piece
 from umbel.geometry.mesh import Material, Mesh
 from umbel.io.format_losses import LIGHTS, WHERE, camera_and_light_losses, name_losses
+from umbel.io.gltf.tree import check_tree
 from umbel.io.scene import join, transformed, with_default
 from umbel.lod.asset import Asset
 from umbel.lod.instances import all_instances, local_transforms, scale_range
@@ -45,6 +46,7 @@ class Source:
 
     def __init__(self, asset: Asset, up: str | None = None) -> None:
         self.asset = asset
+        check_tree(asset.scene, asset.path)
         if asset.has_instance_tree and asset.instance_count > MOST_INSTANCES:
             raise Error(
                 f"{asset.path} has {asset.instance_count:,} instances, more than the "

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from umbel.geometry.mesh import Mesh
+from umbel.plain_json import plain
 
 LIGHTS = "KHR_lights_punctual"
 WHERE = {"instances", "children", "translation", "rotation", "scale", "matrix"}
@@ -51,5 +52,5 @@ def camera_and_light_losses(tree: dict[str, Any]) -> Iterator[str]:
 
 def copyright_line(mesh: Mesh) -> str:
     """The scene's copyright for a comment, "" where it has none."""
-    words = str(mesh.tree.get("asset", {}).get("copyright", "")).split()
+    words = plain(str(mesh.tree.get("asset", {}).get("copyright", ""))).split()
     return " ".join(["copyright:", *words]) if words else ""

@@ -481,3 +481,11 @@ def test_a_name_that_is_too_long_is_an_error_of_ours(tmp_path: Path) -> None:
     ):
         with pytest.raises(Error, match=r"cannot write .*aaa.*: File name too long"):
             call()
+
+
+def test_a_copyright_that_is_no_text_is_written(tmp_path: Path) -> None:
+    mesh = umbel.shapes.blob(1, seed=1)
+    mesh.tree = {"asset": {"copyright": "a\ud800b"}}
+    for extension in (".obj", ".ply", ".glb"):
+        save(tmp_path / f"a{extension}", mesh)
+        assert b"a?b" in (tmp_path / f"a{extension}").read_bytes()

@@ -198,3 +198,27 @@ def test_metadata_and_scenes_are_objects(tmp_path: Path, monkeypatch: pytest.Mon
     umbel.save_asset(path, lods)
     with pytest.raises(umbel.Error, match=r"a\.umbel: the metadata is no JSON object"):
         umbel.Asset(path).mesh([0])
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        ({"asset": 1}, "the asset of its scene is no object"),
+        ({"nodes": [{"extensions": [1]}]}, "the extensions of its scene is no object"),
+        ({"cameras": [{"perspective": []}]}, "the perspective of its scene is no object"),
+        ({"cameras": [{"perspective": {"yfov": [1]}}]}, "a yfov that is no number"),
+        ({"nodes": [{"children": [0]}]}, "a node of its scene is its own ancestor"),
+    ],
+)
+def test_scenes_of_damaged_files_are_refused(
+    tmp_path: Path, scene: dict[str, object], said: str
+) -> None:
+    path = tmp_path / "a.umbel"
+    umbel.save_asset(path, [umbel.build_lod(umbel.shapes.blob(1, seed=1))], scene=scene)
+    asset = umbel.Asset(path)
+    for call in (
+        lambda: asset.scene_mesh(asset.scene_cuts(level=0)),
+        lambda: umbel.export_tiles(asset, tmp_path / "tiles"),
+    ):
+        with pytest.raises(umbel.Error, match=rf"a\.umbel: .*{said}"):
+            call()

@@ -114,12 +114,21 @@ def _without(value: Any, extension: str) -> Any:
 
 
 def check_tree(tree: Json, where: str) -> None:
-    """Raises unless nodes, scenes and skins refer to nodes that are there, and no node is below
-    two others or itself."""
+    """Raises unless tables have objects, nodes, scenes and skins refer to nodes that are there, and
+    no node is below two others or itself."""
+    every = [tree]
     for table in ("nodes", "scenes", "skins", "meshes", "cameras"):
         entries = tree.get(table, [])
         if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
             raise Error(f"{where}: the {table} of its scene are no list of objects")
+        every += entries
+    for entry in every:
+        for key in ("asset", "extensions", "perspective"):
+            if not isinstance(entry.get(key, {}), dict):
+                raise Error(f"{where}: the {key} of its scene is no object")
+    for camera in tree.get("cameras", []):
+        if not isinstance(camera.get("perspective", {}).get("yfov", 0.0), (int, float)):
+            raise Error(f"{where}: a camera of its scene has a yfov that is no number")
     nodes = tree.get("nodes", [])
     parents: set[int] = set()
     for node in nodes:
@@ -185,7 +194,7 @@ def owners_of(tree: Json, count: int) -> list[int | None]:
     for k, node in enumerate(tree.get("nodes") or []):
         try:
             first, length = (int(v) for v in node.get("instances", (0, 0)))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             continue
         for number in range(max(first, 0), min(first + length, count)):
             owners[number] = k
