@@ -12,6 +12,7 @@ from umbel.io.addresses import fetched, is_address, load_fetched
 from umbel.io.coordinates import sidecar
 from umbel.io.files import GZIP, read_bytes, read_head
 from umbel.io.folder import Folder
+from umbel.io.gltf.tree import check_tree
 from umbel.io.ply.data import FIRST_LINE
 from umbel.io.scene import Instance, Scene, scene_of
 from umbel.io.stl import is_whole_binary
@@ -106,14 +107,17 @@ def save(path: str | os.PathLike[str], mesh: object) -> None:
         from umbel.io.gltf.writer import write_gltf
 
         write_gltf(file, mesh if isinstance(mesh, Scene) else scene_of(Mesh.from_any(mesh)))
-    elif extension == ".ply":
+        return
+    made = Mesh.from_any(mesh)
+    check_tree(made.tree, made.name or "the mesh")
+    if extension == ".ply":
         from umbel.io.ply.writer import write_ply
 
-        write_ply(file, Mesh.from_any(mesh))
+        write_ply(file, made)
     else:
         from umbel.io.obj.writer import write_obj
 
-        write_obj(file, Mesh.from_any(mesh))
+        write_obj(file, made)
 
 
 def _extension(file: Path) -> str:

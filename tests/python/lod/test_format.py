@@ -216,6 +216,8 @@ def test_scenes_of_damaged_files_are_refused(
     path = tmp_path / "a.umbel"
     umbel.save_asset(path, [umbel.build_lod(umbel.shapes.blob(1, seed=1))], scene=scene)
     asset = umbel.Asset(path)
+    with pytest.raises(umbel.Error, match=said):
+        umbel.save(tmp_path / "a.obj", asset.mesh(asset.cut(level=0)))
     for call in (
         lambda: asset.scene_mesh(asset.scene_cuts(level=0)),
         lambda: umbel.export_tiles(asset, tmp_path / "tiles"),
