@@ -170,12 +170,7 @@ lod::View find_view(const Asset& asset, const lod::View& view, uint64_t triangle
 }
 
 Dict mesh_of_found(const Asset& asset, const FoundCut& found) {
-  Mesh mesh;
-  {
-    const nb::gil_scoped_release release;
-    mesh = mesh_of_clusters(asset, found.clusters);
-  }
-  return dict_of(std::move(mesh));
+  return dict_of(interruptible([&] { return mesh_of_clusters(asset, found.clusters); }));
 }
 
 nb::typed<nb::list, Dict> summaries_of(const Asset& asset, const nb::object& progress) {

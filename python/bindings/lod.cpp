@@ -61,12 +61,7 @@ Dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,
               const Flat<uint32_t>& cut) {
   const auto clusters = rows_of<uint32_t>(cut);
   check_cut(tables, clusters);
-  Mesh mesh;
-  {
-    nb::gil_scoped_release release;
-    mesh = lod::mesh_of_cut(tables, geometry, clusters);
-  }
-  return dict_of(std::move(mesh));
+  return dict_of(interruptible([&] { return lod::mesh_of_cut(tables, geometry, clusters); }));
 }
 
 namespace {

@@ -29,6 +29,10 @@ PollScope::PollScope(const std::function<void()>& poll)
     : before_(std::exchange(current_poll, &poll)) {}
 PollScope::~PollScope() { current_poll = before_; }
 
+void poll() {
+  if (current_poll) (*current_poll)();
+}
+
 void with_threads(uint32_t threads, const std::function<void()>& work) {
   if (threads == 0) {
     work();
@@ -51,7 +55,7 @@ void detail::run_ranges(size_t count, size_t grain, RangeBody body) {
                       // ends soon.
                       for (size_t begin = range.begin(); begin != range.end();) {
                         if (tbb::is_current_task_group_canceling()) return;
-                        if (current_poll) (*current_poll)();
+                        poll();
                         const size_t end = begin + std::min(grain, range.end() - begin);
                         body.run(body.body, begin, end);
                         begin = end;
@@ -61,7 +65,7 @@ void detail::run_ranges(size_t count, size_t grain, RangeBody body) {
 }
 
 void detail::run_tasks(Task first, Task second) {
-  if (current_poll) (*current_poll)();
+  poll();
   tbb::parallel_invoke([first] { first.run(first.body); }, [second] { second.run(second.body); });
   throw_if_cancelled();
 }

@@ -19,4 +19,7 @@ class PollScope {
   const std::function<void()>* before_;
 };
 
+/// Calls the function of this thread's PollScope, if there is one: for long loops on one thread.
+void poll();
+
 }  // namespace umbel

@@ -6,6 +6,7 @@
 
 #include "base/hash.hpp"
 #include "base/interner.hpp"
+#include "base/poll.hpp"
 #include "lod/dag/join_clusters.hpp"
 
 namespace umbel::lod {
@@ -130,6 +131,7 @@ Mesh join_clusters(std::span<const JoinedCluster> cut, const GeometryReader& geo
   ExtraJoiner extras(mesh);
   std::vector<uint32_t> index;
   for (size_t k = 0; k < cut.size(); ++k) {
+    poll();
     const uint32_t c = cut[k].id;
     const ClusterGeometry g = geometry(static_cast<uint32_t>(k));
     check(g, c);

@@ -217,6 +217,16 @@ def test_ctrl_c_stops_a_build() -> None:
             umbel.build_lod(mesh)
 
 
+def test_ctrl_c_stops_the_reading_of_a_cut(blob: umbel.Mesh, tmp_path: Path) -> None:
+    umbel.build_lod(blob).save(tmp_path / "a.umbel")
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    # One call that takes seconds.
+    once = asset.cut(level=0)
+    cut = np.tile(once, 8_000_000 // len(asset.mesh(once).triangles))
+    with interrupted(within=1.5):
+        asset.mesh(cut)
+
+
 def test_other_threads_run_during_a_build(blob: umbel.Mesh) -> None:
     ticks = 0
     stop = threading.Event()
