@@ -71,6 +71,20 @@ def behind_links(path: Path) -> Path:
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
+def folder_to_make(path: Path) -> Path:
+    """Where a new folder goes, through a link. It may be there if it is empty and another folder
+    can take its place."""
+    place = Path(os.path.realpath(path))
+    if place.exists():
+        if not place.is_dir() or any(place.iterdir()):
+            raise Error(f"{path} is there already and is not an empty folder")
+        if os.path.ismount(place) or place.samefile(os.curdir):
+            raise Error(f"{path} is a mount point or the current folder: name a folder in it")
+    if not place.parent.is_dir():
+        raise Error(f"{path}: there is no folder {place.parent}")
+    return place
+
+
 def _rename(temporaries: dict[str, str]) -> None:
     """Gives files the names that are the keys."""
     try:

@@ -26,6 +26,7 @@ from umbel.geometry.repair import Progress
 from umbel.io.gltf.material_table import MaterialTable
 from umbel.io.textures.packed import packed
 from umbel.lod.asset import Asset
+from umbel.replacing import folder_to_make
 
 TILE_TRIANGLES = 32_768
 IMPLICIT_ABOVE = 10_000
@@ -83,30 +84,22 @@ def export_tiles(
     asset = source if isinstance(source, Asset) else Asset(source)
     target = Path(folder)
     try:
-        check_target(target)
-        with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
+        place = folder_to_make(target)
+        with tempfile.TemporaryDirectory(dir=place.parent, prefix=".umbel-") as made:
             whole_folder = Path(made) / "tiles"
             whole_folder.mkdir()
             writer = _Writer(Source(asset, up), whole_folder, skirts, flatten)
             report = writer.write(most, above, thread_count(threads), progress)
             _flush(whole_folder)
-            if target.exists():
-                target.rmdir()
-            whole_folder.rename(target)
+            if place.exists():
+                place.rmdir()
+            whole_folder.rename(place)
     except OSError as error:
         raise Error(f"cannot write {target}: {error.strerror or error}") from None
     lost = writer.source.losses()
     if lost:
         warn_lost(f"{target} was written without", lost, most=8)
     return report
-
-
-def check_target(folder: Path) -> None:
-    """Refuses a folder that is there with something in it, or cannot be made."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise Error(f"{folder} is there already and is not an empty folder")
-    if not folder.absolute().parent.is_dir():
-        raise Error(f"{folder}: there is no folder {folder.absolute().parent}")
 
 
 def _flush(folder: Path) -> None:

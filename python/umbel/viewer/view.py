@@ -12,6 +12,7 @@ from pathlib import Path
 
 from umbel.errors import Error, warn_lost
 from umbel.io.textures.images import beside
+from umbel.replacing import folder_to_make
 from umbel.viewer.files import address_of, images_beside, images_named, served_name
 from umbel.viewer.server import Server, page_folder
 
@@ -67,16 +68,13 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
     asset, target, page = checked(path), Path(folder), page_folder()
     images = images_beside(asset)
     try:
-        if target.exists() and (not target.is_dir() or any(target.iterdir())):
-            raise Error(f"{target} is there already and is not an empty folder")
-        if not target.absolute().parent.is_dir():
-            raise Error(f"{target}: there is no folder {target.absolute().parent}")
-        with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
+        place = folder_to_make(target)
+        with tempfile.TemporaryDirectory(dir=place.parent, prefix=".umbel-") as made:
             whole = Path(made) / "viewer"
             _write(whole, page, asset, images)
-            if target.exists():
-                target.rmdir()
-            whole.rename(target)
+            if place.exists():
+                place.rmdir()
+            whole.rename(place)
     except OSError as error:
         raise Error(f"cannot write {target}: {error.strerror or error}") from None
     missing = [name for name in dict.fromkeys(images_named(asset)) if name not in images]
@@ -87,7 +85,8 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
 
 def serving_command(folder: Path) -> str:
     """What shows an exported folder on this machine: browsers do not load its page from files."""
-    return f"python3 -m http.server --bind 127.0.0.1 --directory {shlex.quote(str(folder))}"
+    named = f"./{folder}" if str(folder).startswith("-") else str(folder)
+    return f"python3 -m http.server --bind 127.0.0.1 --directory {shlex.quote(named)}"
 
 
 def _write(folder: Path, page: Path, asset: Path, images: dict[str, Path]) -> None:

@@ -22,6 +22,7 @@ import pytest
 import umbel
 from helpers.commands import COMMAND, Umbel
 from umbel.viewer.server import PAGE
+from umbel.viewer.view import serving_command
 
 pytestmark = pytest.mark.skipif(
     not (PAGE / "index.html").is_file(), reason="the viewer's page is built only where Node is"
@@ -222,6 +223,11 @@ def test_export_writes_a_folder_that_names_its_asset(asset: Path, tmp_path: Path
     assert list((index.parent / "assets").glob("*.js"))
     with pytest.raises(umbel.Error, match="not an empty folder"):
         umbel.export_viewer(asset, tmp_path / "site")
+
+
+def test_a_folder_that_looks_like_a_flag_can_be_served() -> None:
+    *_, folder = shlex.split(serving_command(Path("-site")))
+    assert Path(folder) == Path("-site") and not folder.startswith("-")
 
 
 def test_export_names_flags_of_serving(umbel_command: Umbel, asset: Path, tmp_path: Path) -> None:

@@ -63,3 +63,25 @@ def test_only_assets_are_exported(umbel_command: Umbel, tmp_path: Path) -> None:
     assert done.status == 1
     assert "a.ply" in done.json["error"]
     assert not (tmp_path / "t").exists()
+
+
+@pytest.mark.parametrize("format", ["3dtiles", "viewer"])
+def test_a_link_to_a_folder_stays_one(
+    umbel_command: Umbel, blob_asset: Path, tmp_path: Path, format: str
+) -> None:
+    (tmp_path / "empty").mkdir()
+    for name in ("empty", "new"):
+        link = tmp_path / f"to {name}"
+        link.symlink_to(tmp_path / name)
+        done = umbel_command("export", blob_asset, "-o", link, "--format", format)
+        assert done.status == 0 and link.is_symlink() and any((tmp_path / name).iterdir())
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+@pytest.mark.parametrize("format", ["3dtiles", "viewer"])
+def test_the_current_folder_is_not_replaced(
+    umbel_command: Umbel, blob_asset: Path, tmp_path: Path, format: str
+) -> None:
+    done = umbel_command("export", blob_asset, "-o", ".", "--format", format, cwd=tmp_path)
+    assert done.status == 1 and "current folder" in done.err
+    assert list(tmp_path.iterdir()) == []
