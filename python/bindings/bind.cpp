@@ -48,8 +48,13 @@ Dict dict_of(Mesh&& mesh) {
 
 std::string sentence_of(const nb::python_error& error) {
   if (!error.matches(PyExc_Exception)) throw;
-  const std::string kind = nb::str(error.type().attr("__name__")).c_str();
-  return kind + ": " + nb::str(error.value()).c_str();
+  const nb::str said = nb::str("{}: {}").format(error.type().attr("__name__"), error.value());
+  // Names of files in it may be no text.
+  const nb::object bytes =
+      nb::steal(PyUnicode_AsEncodedString(said.ptr(), "utf-8", "backslashreplace"));
+  if (!bytes) throw nb::python_error();
+  const nb::bytes utf8(bytes);
+  return {utf8.c_str(), utf8.size()};
 }
 
 bool PythonProgress::report(float fraction, std::string_view stage) {

@@ -212,6 +212,22 @@ def test_a_source_that_fails_or_gives_too_little_is_an_error(folder: Path) -> No
         umbel.Asset(17)
 
 
+def test_a_source_whose_error_is_no_text_is_an_error(folder: Path) -> None:
+    code = (
+        "def fail(count):\n"
+        "    raise OSError('no \\udcff here')\n"
+        "file = open(sys.argv[1], 'rb')\n"
+        "class Failing:\n"
+        "    seek, tell, read = file.seek, file.tell, staticmethod(fail)\n"
+        "try:\n"
+        "    umbel.Asset(Failing())\n"
+        "except umbel.Error as error:\n"
+        "    print(str(error).split(': ', 1)[1])\n"
+    )
+    said = "reading 16 bytes at byte 0 failed: OSError: no \\udcff here\n"
+    assert run(code, folder / "a.umbel") == said
+
+
 class HeldFile(io.FileIO):
     """A file that may have attributes."""
 
