@@ -80,8 +80,9 @@ def print_rows(title: str, rows: Mapping[str, str]) -> None:
 
 
 def _size_of(paths: str | Sequence[str]) -> int | None:
-    """Of one input or all; None where some are not files, such as patterns and addresses."""
+    """Of one input or all; None where some are not files, such as patterns, addresses and pipes."""
+    named = [paths] if isinstance(paths, str) else paths
     try:
-        return sum(os.path.getsize(p) for p in ([paths] if isinstance(paths, str) else paths))
+        return sum(map(os.path.getsize, named)) if all(map(os.path.isfile, named)) else None
     except (OSError, ValueError):
         return None

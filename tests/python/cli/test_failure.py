@@ -147,6 +147,17 @@ def test_info_refuses_what_build_refuses(umbel_command: Umbel, tmp_path: Path) -
     assert said["valid"] is False and done.err == f"umbel: {said['problem']}\n"
 
 
+def test_a_pipe_has_no_size(umbel_command: Umbel, small: Path, tmp_path: Path) -> None:
+    output = tmp_path / "a.umbel"
+    for command, size in (
+        (["info", "/dev/stdin"], "file_bytes: -"),
+        (["build", "/dev/stdin", "-o", output], "vertices\n"),
+    ):
+        with subprocess.Popen(["cat", small], stdout=subprocess.PIPE) as cat:
+            done = umbel_command(*command, stdin=cat.stdout)
+        assert done.status == 0 and size in done.out and "0 bytes" not in done.out
+
+
 @pytest.mark.parametrize("rule", ["ignore", "error"])
 def test_results_hold_warnings_whatever_the_environment_says(
     umbel_command: Umbel, tmp_path: Path, rule: str
@@ -228,6 +239,10 @@ def test_outputs_are_checked_before_the_input_is_read(
     (tmp_path / "away.umbel").symlink_to(tmp_path / "no" / "a.umbel")
     for arguments, word in (
         (["build", "nothing.ply", "-o", tmp_path / "a.txt"], ".umbel"),
+        (
+            ["build", "http://127.0.0.1:1/a", "-o", tmp_path / "a.umbel", "--allow-outside"],
+            "--allow",
+        ),
         (["build", "nothing.ply", "-o", tmp_path / "no" / "a.umbel"], "no folder"),
         (["build", "nothing.ply", "-o", "/proc/a.umbel"], "/proc"),
         (["build", "nothing.ply", "-o", tmp_path / "away.umbel"], "no folder"),

@@ -322,6 +322,8 @@ def build_file(
 ) -> dict[str, Any]:
     """Reads a file, builds its levels of detail and writes the asset, unless that is up to date.
     Returns what the command prints with --json."""
+    if is_address(source) and options.allow_outside:
+        fail(f"{source}: --allow-outside is for files; an address's folder is never left")
     began = time.perf_counter()
     with _on_this_machine(source) as path:
         origin = {
@@ -386,8 +388,6 @@ def _loaded(path: Path, source: str, allow_outside: bool) -> Scene:
     from umbel.io import load_scene
 
     if is_address(source):
-        if allow_outside:
-            fail(f"{source}: --allow-outside is for files; an address's folder is never left")
         return load_fetched(path, source)
     return load_scene(path, allow_outside=allow_outside)
 

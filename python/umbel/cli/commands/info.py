@@ -110,11 +110,19 @@ def _problem(mesh: Mesh, threads: int) -> str | None:
     return None
 
 
+def _file_bytes(path: str) -> int | None:
+    """None of a pipe."""
+    from umbel.io.addresses import is_address
+    from umbel.lod.remote import remote
+
+    if is_address(path):
+        return int(remote(path)[0])
+    return os.path.getsize(path) if os.path.isfile(path) else None
+
+
 def _mesh_info(path: str, allow_outside: bool, threads: int) -> dict[str, Any]:
     from umbel.io import load_scene
-    from umbel.io.addresses import is_address
     from umbel.lod.arrange import arrange, is_single
-    from umbel.lod.remote import remote
 
     scene = load_scene(path, allow_outside=allow_outside)
     with warnings.catch_warnings():
@@ -140,5 +148,5 @@ def _mesh_info(path: str, allow_outside: bool, threads: int) -> dict[str, Any]:
         "attributes": [name for name in names if getattr(mesh, name) is not None],
         "valid": problem is None,
         "problem": problem,
-        "file_bytes": remote(path)[0] if is_address(path) else os.path.getsize(path),
+        "file_bytes": _file_bytes(path),
     }
