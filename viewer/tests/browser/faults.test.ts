@@ -155,6 +155,24 @@ test("a file that is gone for a while is asked for again", async ({ page, host }
   expect(damagedPages).toBe(0);
 });
 
+test("textures of a file that is gone for a while arrive once it is back", async ({
+  page,
+  host,
+}) => {
+  let isGone = true;
+  await page.route(/materials\.umbel$/, async (route) => {
+    const begin = Number(/bytes=(\d+)/.exec(route.request().headers().range ?? "")?.[1]);
+    if (isGone && begin > 0) await route.fulfill({ status: 403 });
+    else await route.continue();
+  });
+  await page.goto(`${host.url}/?asset=materials.umbel#pixels=32`);
+  await expect(page.locator(".notes")).toContainText("Textures are late");
+  isGone = false;
+  await expect(page.locator(".notes")).not.toContainText("Textures are late", { timeout: 30_000 });
+  await settled(page);
+  await expect(page.locator(".notes")).not.toContainText("could not be read");
+});
+
 test("a lost GPU is reported, and the picture comes back with it", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=large.umbel#pixels=2&wireframe=1`);
   await settled(page);

@@ -409,3 +409,13 @@ test("reports that memory is short, and goes on without what finds none", async 
     vi.unstubAllGlobals();
   }
 }, 15_000);
+
+test("embedded files of an asset that is gone may be asked for again", async () => {
+  const asset = loadAsset("materials");
+  const source = new MemorySource(asset.file);
+  const { streamer } = await Watched.open(source, HUGE, asset);
+  source.isRefusing = true;
+  await expect(streamer.readFile(0)).rejects.toMatchObject({ kind: "network" });
+  source.isRefusing = false;
+  expect((await streamer.readFile(0)).length).toBe(asset.header.files[0]?.size);
+});

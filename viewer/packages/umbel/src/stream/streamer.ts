@@ -149,7 +149,13 @@ export class Streamer {
   async readFile(index: number, isUrgent = false): Promise<Uint8Array> {
     const file = this.header.files[index];
     if (!file) throw new UmbelError("corrupt", `The file has no embedded file ${index}.`);
-    return this.files.read(file, isUrgent);
+    try {
+      return await this.files.read(file, isUrgent);
+    } catch (error) {
+      // The asset was there: it may be back later, as after a lost connection.
+      const isGone = error instanceof UmbelError && /missing|refused/.test(error.kind);
+      throw isGone ? new UmbelError("network", error.message) : error;
+    }
   }
 
   /** Steps once, after all events of this moment. */
