@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import glob
 import os
 import warnings
 from collections.abc import Iterator
+from pathlib import Path
 
 from umbel.errors import LoadWarning
 
@@ -25,7 +27,7 @@ def _matches(pattern: str) -> Iterator[str]:
     rest = parts[at + 1 :] or ["*"]
     base = "".join(part + os.sep for part in parts[:at])
     for top in glob.iglob(base) if base else [""]:
-        for folder in _folders(top, frozenset()):
+        for folder in _folders(top, _above(top)):
             yield from _matches(os.path.join(glob.escape(folder), *rest))
 
 
@@ -46,6 +48,16 @@ def _folders(folder: str, above: frozenset[tuple[int, int]]) -> Iterator[str]:
     yield folder
     for name in below:
         yield from _folders(f"{folder}{name}{os.sep}", above | {identity})
+
+
+def _above(folder: str) -> frozenset[tuple[int, int]]:
+    """The folders that a folder is in."""
+    found = set()
+    for parent in Path(os.path.realpath(folder)).parents:
+        with contextlib.suppress(OSError):
+            status = os.stat(parent)
+            found.add((status.st_dev, status.st_ino))
+    return frozenset(found)
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:

@@ -52,6 +52,8 @@ def test_links_that_go_round_are_not_followed(tree: Path) -> None:
     (tree / "a/b/c/top").symlink_to(tree)
     (tree / "a/round").symlink_to("round")
     assert matches("**/*.ply") == before
+    assert matches("a/b/**/*.ply") == ["a/b/2.ply"]  # where they lead out of the pattern's folder
+    assert matches("a/b/up/*.ply") == ["a/b/up/1.ply"]
 
 
 def test_folders_that_cannot_be_read_are_named(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
