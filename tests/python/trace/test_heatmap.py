@@ -143,3 +143,13 @@ def test_damaged_lists_of_clusters_are_refused(umbel_command: Umbel, mesh: Path)
         "render", mesh, "-o", mesh.with_name("a.png"), "--heatmap", "overlap", "--clusters", npz
     )
     assert done.status == 1
+
+
+def test_flags_that_have_no_effect_are_named(umbel_command: Umbel, mesh: Path) -> None:
+    out, small = mesh.with_name("a.png"), ("--width", 32, "--height", 32, "--json")
+    flags = ("--heatmap", "overlap", "--spp", 4, "--light", "1,1,1")
+    assert umbel_command("render", mesh, "-o", out, *flags, *small).json["warnings"] == [
+        f"{flag} has no effect: --heatmap traces no paths" for flag in ("--spp", "--light")
+    ]
+    heeded = ("--spp", 4, "--light", "1,1,1", "--exposure", 1)
+    assert umbel_command("render", mesh, "-o", out, *heeded, *small).json["warnings"] == []

@@ -13,7 +13,7 @@ import typer
 from umbel.cli.inputs import AllowOutside, bytes_of, load_mesh
 from umbel.cli.options import Accel, Heatmap, Up, option, switch
 from umbel.cli.outputs import check_output, check_references
-from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, is_asset, show
+from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, is_asset, show, warn_no_effect
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -163,6 +163,21 @@ def command(
         "clamp": clamp,
     }
     _check_settings(camera or [], width, height, environment, up.value, settings)
+    of_paths = {
+        "--spp": spp != 64,
+        "--seed": seed != 1,
+        "--bounces": bounces != 32,
+        "--shadow-samples": shadow_samples != 2,
+        "--clamp": clamp != 8.0,
+        "--sun": sun is not None,
+        "--light": light != "sky",
+        "--exposure": exposure != "auto",
+    }
+    for flag, is_given in of_paths.items():
+        if is_given and heatmap is not None:
+            warn_no_effect(flag, "--heatmap traces no paths")
+    if exposure != "auto" and heatmap is None and output.suffix.lower() == ".exr":
+        warn_no_effect("--exposure", "an .exr has the radiance as it is")
     began = time.perf_counter()
     with Bar() as bar:
         options: dict[str, Any] = {
