@@ -66,6 +66,7 @@ def test_sizes_are_the_same_for_all_commands() -> None:
         (["kdtree", "IN", "--cost", "-1,2"], "--cost"),
         (["render", "IN", "-o", "OUT.png", "--bounces", -1], "--bounces"),
         (["render", "IN", "-o", "OUT.png", "--light=-1,0,0"], "--light"),
+        (["render", "IN", "-o", "OUT.png", "--camera", "auto", "--camera", "file:2"], "no persp"),
         (["extract", "ASSET", "-o", "OUT.ply", "--level", 99], "--level"),
         (["extract", "ASSET", "-o", "OUT.ply", "--level", -1], "--level"),
         (["extract", "ASSET", "-o", "OUT.ply", "--triangles", 0], "--triangles"),

@@ -201,6 +201,9 @@ def command(
             views = _Streamed(source, limit, pixel_error or 1.0, options)
         cameras = [text for given in camera or ["auto"] for text in views.named(given)]
         outputs = written(len(cameras))
+        for text in cameras:
+            if text.partition(":")[0] == "file":
+                views.view(text, width, height)  # says now that the file does not have it
         results: list[dict[str, Any]] = []
         if heatmap is not None:
             assert isinstance(views, _Views)
@@ -392,16 +395,19 @@ class _Streamed:
     def named(self, text: str) -> list[str]:
         return [text]
 
-    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Camera]:
+    def view(self, text: str, width: int, height: int) -> Camera:
         from umbel.lod.instances import asset_boxes
-        from umbel.trace.cut_renderer import CutRenderer
         from umbel.trace.renderer import Renderer
 
         # From outside, as for a mesh that is no room: boxes would look like one.
         text = "auto:35,15" if text == "auto" else text
         view = Renderer(asset_boxes(self._asset), up=self._options["up"]).view(text, width, height)
-        view = replace(view, pixel_error=self._pixel_error)
-        aspect = width / height
+        return replace(view, pixel_error=self._pixel_error)
+
+    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Camera]:
+        from umbel.trace.cut_renderer import CutRenderer
+
+        view, aspect = self.view(text, width, height), width / height
         return CutRenderer(self._asset, view, self._budget, aspect=aspect, **self._options), view
 
 
