@@ -232,6 +232,7 @@ def test_outputs_are_checked_before_the_input_is_read(
 ) -> None:
     asset = small.with_suffix(".umbel")
     (tmp_path / "folder.ply").mkdir()
+    (tmp_path / "a-normal.png").mkdir()
     os.mkfifo(tmp_path / "pipe.ply")
     copy = tmp_path / "mesh.ply"
     shutil.copyfile(small, copy)
@@ -251,6 +252,7 @@ def test_outputs_are_checked_before_the_input_is_read(
         (["extract", asset, "--level", 0, "-o", tmp_path / "folder.ply"], "is a folder"),
         (["extract", asset, "--level", 0, "-o", tmp_path / "pipe.ply"], "no ordinary file"),
         (["render", "nothing.ply", "-o", tmp_path / "a.bmp"], ".png"),
+        (["render", "nothing.ply", "-o", tmp_path / "a.png", "--features"], "is a folder"),
         (["cluster", "nothing.ply", "-o", tmp_path / "a.bmp"], ".npz"),
         (["bench", "clusters", "-o", copy], "is a file"),
         (["view", asset, "--export", tmp_path / "no" / "a"], "no folder"),

@@ -305,6 +305,8 @@ def _checked_outputs(output: Path, count: int, *, features: bool, source: str) -
     if count > 1:
         pictures = [output.with_name(f"{output.stem}-{k + 1}{output.suffix}") for k in range(count)]
     more = [path for picture in pictures for path in feature_paths(picture)] if features else []
+    for path in [*pictures, *more]:
+        check_output(path, path.suffix.lower(), inputs=[source])
     check_references([*pictures, *more], source)
     return pictures
 
