@@ -245,7 +245,8 @@ Camera auto_camera(const Scene& scene, uint32_t width, uint32_t height,
   const Scene::Data& data = scene.data();
   if (data.triangles.empty()) return {};
   const Horizon horizon = horizon_of(data.up);
-  const float diagonal = length(data.bounds.max - data.bounds.min);
+  const auto diagonal =
+      static_cast<float>(length(to_double(data.bounds.max) - to_double(data.bounds.min)));
   const Around around = look_around(data, center(data.bounds), horizon);
   // Inside a solid walls show their backs, and inside a thick model they are near.
   if (around.enclosed > 0.95 && around.facing > 0.5 && around.median > 0.1 * diagonal)

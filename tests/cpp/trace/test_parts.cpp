@@ -222,6 +222,14 @@ TEST(AutoCamera, goes_inside_rooms_and_stays_outside_of_solids) {
     return auto_camera(scene, 64, 48);
   };
   EXPECT_TRUE(inside(camera(box)));
+  for (const float size : {1e-25f, 1e25f}) {
+    Mesh scaled = box;
+    for (Vec3& p : scaled.positions) p = p * size;
+    Camera found = camera(scaled);
+    EXPECT_NE(found.position, found.target) << size;
+    found.position = found.position * (1 / size);
+    EXPECT_TRUE(inside(found)) << size;
+  }
   for (Triangle& t : box.triangles) std::swap(t[1], t[2]);
   EXPECT_FALSE(inside(camera(box)));
 }
