@@ -232,7 +232,6 @@ def test_outputs_are_checked_before_the_input_is_read(
 ) -> None:
     asset = small.with_suffix(".umbel")
     (tmp_path / "folder.ply").mkdir()
-    (tmp_path / "a-normal.png").mkdir()
     os.mkfifo(tmp_path / "pipe.ply")
     copy = tmp_path / "mesh.ply"
     shutil.copyfile(small, copy)
@@ -252,7 +251,6 @@ def test_outputs_are_checked_before_the_input_is_read(
         (["extract", asset, "--level", 0, "-o", tmp_path / "folder.ply"], "is a folder"),
         (["extract", asset, "--level", 0, "-o", tmp_path / "pipe.ply"], "no ordinary file"),
         (["render", "nothing.ply", "-o", tmp_path / "a.bmp"], ".png"),
-        (["render", "nothing.ply", "-o", tmp_path / "a.png", "--features"], "is a folder"),
         (["cluster", "nothing.ply", "-o", tmp_path / "a.bmp"], ".npz"),
         (["bench", "clusters", "-o", copy], "is a file"),
         (["view", asset, "--export", tmp_path / "no" / "a"], "no folder"),
@@ -261,6 +259,14 @@ def test_outputs_are_checked_before_the_input_is_read(
         assert done.status == 1 and word in done.err and "nothing.ply:" not in done.err
         assert len(done.err.splitlines()) == 1
     assert copy.read_bytes() == small.read_bytes()
+
+
+def test_pictures_beside_the_output_are_checked_before_the_input_is_read(
+    umbel_command: Umbel, tmp_path: Path
+) -> None:
+    (tmp_path / "a-normal.png").mkdir()
+    done = umbel_command("render", "nothing.ply", "-o", tmp_path / "a.png", "--features")
+    assert done.status == 1 and "a-normal.png is a folder" in done.err
 
 
 @pytest.mark.parametrize(
