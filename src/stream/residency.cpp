@@ -372,7 +372,9 @@ Residency::Residency(const Asset& asset, const ResidencyConfig& config,
     : state_(std::make_unique<State>(asset, config)) {
   State& state = *state_;
   state.check_and_pin_roots();
-  state.loader = loader ? std::move(loader) : make_thread_loader(asset, config.threads);
+  // More threads than loads would have nothing to do, and there may not be so many.
+  const uint32_t threads = std::min(config.threads, state.config.loads_in_flight);
+  state.loader = loader ? std::move(loader) : make_thread_loader(asset, threads);
 }
 
 Residency::Residency(Residency&&) noexcept = default;

@@ -368,6 +368,16 @@ def test_hysteresis_spares_a_camera_that_moves_to_and_fro_its_reloads(tmp_path: 
     assert default["resident_bytes"] > 0.8 * without["resident_bytes"]
 
 
+def test_a_residency_has_no_more_threads_than_loads(folder: Path) -> None:
+    def threads() -> int:
+        return len(list(Path("/proc/self/task").iterdir()))
+
+    before = threads()
+    residency = umbel.Residency(umbel.Asset(folder / "a.umbel"), loads_in_flight=3, threads=10**6)
+    assert threads() <= before + 3
+    residency.close()
+
+
 def test_residency_says_what_it_cannot_do(folder: Path) -> None:
     asset = umbel.Asset(folder / "a.umbel")
     with pytest.raises(umbel.Error, match="budget"):
