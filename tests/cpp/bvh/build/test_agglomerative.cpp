@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <chrono>
+#include <ctime>
 #include <tuple>
 
 #include "bvh/oracle.hpp"
@@ -79,9 +79,9 @@ TEST(Agglomerative, a_box_very_far_away_does_not_make_builds_take_the_square_of_
   boxes.push_back({{1e9f, 0, 0}, {1e9f, 1, 1}});
   Config config = with_builder(Builder::kAgglomerative);
   config.max_leaf_size = 1;
-  const auto began = std::chrono::steady_clock::now();
+  const std::clock_t began = std::clock();
   const Bvh2 tree = build(boxes, config);
-  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(20));
+  EXPECT_LT(double(std::clock() - began) / CLOCKS_PER_SEC, 20);
   EXPECT_EQ(tree.primitives.size(), boxes.size());
 }
 
