@@ -5,6 +5,7 @@ import { UmbelMesh } from "umbel/three";
 import type { Source, State } from "./state";
 import type { Notice } from "./ui/messages";
 import type { Panel } from "./ui/panel";
+import { LOST } from "./ui/texts";
 import type { Meshes } from "./viewport/viewport";
 
 /** What notices about failures that may pass are about. */
@@ -26,7 +27,7 @@ export class AssetLoader {
 
   /** @param early a stream of the asset that is open or opening already */
   async load(source: Source, pixelError: number, early?: Promise<AssetStream>): Promise<UmbelMesh> {
-    const stream = await (early ?? AssetStream.open(source, { budget: this.state.budget }));
+    const stream = await (early ?? this.open(source));
     const mesh = new UmbelMesh(stream, { pixelError });
     // It may have been changed in the meantime.
     if (stream.budget !== this.state.budget) mesh.setBudget(this.state.budget);
@@ -40,6 +41,18 @@ export class AssetLoader {
       if (this.lost.size === 0 && before > 0) this.notice.show("The connection is back.");
     };
     return mesh;
+  }
+
+  private async open(source: Source): Promise<AssetStream> {
+    // Another asset may be opened before this one is.
+    const opening = {};
+    try {
+      return await AssetStream.open(source, { budget: this.state.budget }, (isLost) =>
+        this.notice.keep(opening, isLost ? LOST : undefined),
+      );
+    } finally {
+      this.notice.keep(opening, undefined);
+    }
   }
 
   /** Reports on these meshes from now on, and no longer on those before. */
@@ -63,7 +76,7 @@ export class AssetLoader {
     const isLocal = [...this.lost.values()].every((source) => typeof source !== "string");
     const text = isLocal
       ? "The file can no longer be read: was it moved or changed? Open it again."
-      : "The connection is lost. Trying again …";
+      : LOST;
     this.notice.keep(this, this.lost.size > 0 ? text : undefined);
   }
 

@@ -4,6 +4,7 @@ import { AssetStream } from "umbel";
 import { PreviewRenderer } from "./preview/preview_renderer";
 import { type CameraPose, defaultState, nameOf, readLink, type State } from "./state";
 import { h } from "./ui/dom";
+import { LOST } from "./ui/texts";
 import { applyTheme } from "./ui/theme";
 
 /** Milliseconds that the viewer waits for the preview, at most. */
@@ -46,9 +47,13 @@ async function main(): Promise<void> {
   const search = new URLSearchParams(location.search);
   const asset = search.get("asset") || document.body.dataset.asset;
   const title = h("div", { className: "title" });
-  if (asset) title.append(h("h1", {}, nameOf(asset)), h("p", {}, "Opening …"));
+  const progress = h("p", { role: "status" }, "Opening …");
+  if (asset) title.append(h("h1", {}, nameOf(asset)), progress);
   root.append(title);
-  const early = asset ? AssetStream.open(asset, { budget: state.budget }) : undefined;
+  const onConnection = (isLost: boolean) => {
+    progress.textContent = isLost ? LOST : "Opening …";
+  };
+  const early = asset ? AssetStream.open(asset, { budget: state.budget }, onConnection) : undefined;
   const preview =
     early && state.layout === "single" ? await showPreview(root, early, pose, state) : undefined;
   try {

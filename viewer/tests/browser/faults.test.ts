@@ -142,6 +142,22 @@ test("a lost connection is reported, and loading goes on once it is back", async
   await expect(page.locator(".notice")).toContainText("The connection is back");
 });
 
+test("a connection that is lost before an asset is open is reported", async ({ page, host }) => {
+  host.isDown = true;
+  await page.goto(`${host.url}${PLANET}#pixels=32`);
+  await expect(page.locator(".title p")).toHaveText("The connection is lost. Trying again …");
+  host.isDown = false;
+  await settled(page);
+  await expect(page.locator(".title p")).toContainText("triangles");
+  host.isDown = true;
+  await page.evaluate(() => void globalThis.umbelViewer?.open("paged.umbel"));
+  await expect(page.locator(".notice.shown")).toContainText("The connection is lost");
+  host.isDown = false;
+  await expect(page.locator(".title h1")).toHaveText("paged.umbel");
+  await settled(page);
+  await expect(page.locator(".notice.shown")).toHaveCount(0);
+});
+
 test("a file that is gone for a while is asked for again", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=paged.umbel#pixels=32`);
   const before = await settled(page);

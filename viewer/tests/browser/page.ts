@@ -13,6 +13,7 @@ export { expect };
 
 /** The part of the viewer that tests use. */
 interface PageViewer {
+  open(asset: string): Promise<void>;
   state: { pixelError: number; viewMode: string; wipe: number };
   viewport: {
     meshes: {

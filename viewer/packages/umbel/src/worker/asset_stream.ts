@@ -27,8 +27,15 @@ export class AssetStream {
     readonly budget: number,
   ) {}
 
-  /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
-  static async open(source: string | Blob, options: StreamOptions): Promise<AssetStream> {
+  /**
+   * Opens the asset at an address or in a local file; rejects with an UmbelError.
+   * @param onConnection is called when the connection is lost or back before the asset is open
+   */
+  static async open(
+    source: string | Blob,
+    options: StreamOptions,
+    onConnection?: (isLost: boolean) => void,
+  ): Promise<AssetStream> {
     checkNumber("budget", options.budget, true);
     // Blobs of other windows are none of this one's.
     if (typeof source !== "string" && typeof source?.arrayBuffer !== "function")
@@ -57,7 +64,9 @@ export class AssetStream {
         else if (data.type === "file") stream?.receiveFile(data.index, data.bytes);
         else if (data.type === "unread")
           stream?.receiveFile(data.index, new UmbelError(data.kind, data.message));
-        else if (data.type === "connection") stream?.currentListener?.connection(data.isLost);
+        else if (data.type === "connection" && stream)
+          stream.currentListener?.connection(data.isLost);
+        else if (data.type === "connection") onConnection?.(data.isLost);
       };
       send(worker, { type: "open", source: address ?? (source as Blob), options });
     });
