@@ -72,7 +72,12 @@ def moved_planes(planes: ArrayLike, by: ArrayLike) -> NDArray[np.float64]:
 
 
 def _triple(values: Sequence[float]) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
+    try:
+        x, y, z = (float(value) for value in values)
+    except (TypeError, ValueError):
+        raise Error(
+            f"a camera's position, target and up must be three numbers, not {values!r}"
+        ) from None
     return x, y, z
 
 

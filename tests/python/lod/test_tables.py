@@ -141,6 +141,11 @@ def test_a_frustum_leaves_out_what_is_behind(lod: umbel.Lod) -> None:
     assert len(camera.planes(far=10.0)) == 6
     with pytest.raises(umbel.Error, match="target"):
         umbel.Camera((0, 0, 1)).planes()
+    for wrong in ((0, 0, 3, 1), "abc", 5, (0, None, 1)):
+        with pytest.raises(umbel.Error, match="must be three numbers, not"):
+            umbel.Camera(wrong).view()
+        with pytest.raises(umbel.Error, match="must be three numbers, not"):
+            umbel.Camera((0, 0, 3), target=wrong).planes()
 
 
 def test_budgets_bound_what_is_drawn(lod: umbel.Lod) -> None:
