@@ -20,6 +20,7 @@ import numpy as np
 from umbel.bench import charts
 from umbel.bench.table import Row, columns, csv_text, markdown, write_tables
 from umbel.bench.timing import Machine, Span, this_machine
+from umbel.errors import Error
 from umbel.geometry.camera import Camera
 from umbel.geometry.repair import Progress
 from umbel.lod.asset import Asset
@@ -107,6 +108,9 @@ def simulate(
     runs = len(assets) * len(lines) * len(budgets)
     for name, load in assets.items():
         asset = load()
+        bounds = asset.info["bounds"]
+        if bounds is None or bounds[0] == bounds[1]:
+            raise Error(f"{name} has no extent to move a camera around")
         cameras = list(camera_path(asset, frames))
         needed = _needed(asset, cameras)
         for line, link in lines.items():

@@ -6,8 +6,10 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import umbel
 from helpers.commands import Umbel
 
 
@@ -42,3 +44,12 @@ def test_streaming_takes_inputs_of_one_name(
 
 def test_streaming_ends(umbel_command: Umbel) -> None:
     assert umbel_command("bench", "stream", "--seconds", "inf").status == 2
+
+
+@pytest.mark.parametrize("corners", [0, 3])
+def test_streaming_needs_an_extent(umbel_command: Umbel, tmp_path: Path, corners: int) -> None:
+    mesh = umbel.Mesh(np.ones((corners, 3)), np.arange(corners).reshape(-1, 3))
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel")
+    done = umbel_command("bench", "stream", tmp_path / "a.umbel")
+    assert done.status == 1 and "a has no extent" in done.err
+    assert len(done.err.splitlines()) == 1
