@@ -144,9 +144,10 @@ SceneHit Scene::Data::next(const Ray& ray, const SceneHit& after, const RayOptio
   std::vector<Hit> many;
   for (std::span<Hit> hits = few;; hits = many) {
     const size_t count = structure->all_hits(rest, hits, options);
-    for (size_t i = count; i > 0 && after.precedes({{hits[i - 1]}, 0}); --i)
-      ahead.push_back({{hits[i - 1]}, 0});
-    if (!ahead.empty()) return next(ray, after, options, kind, ahead);
+    size_t first = 0;
+    while (first < count && !after.precedes({{hits[first]}, 0})) ++first;
+    for (size_t i = count; i > first + 1; --i) ahead.push_back({{hits[i - 1]}, 0});
+    if (first < count) return {{hits[first]}, 0};
     if (count < hits.size()) return {};
     many.resize(2 * hits.size());
   }
