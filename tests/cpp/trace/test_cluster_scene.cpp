@@ -259,6 +259,7 @@ TEST(ClusterScene, hits_at_the_same_t_follow_each_other) {
   ray.origin = {0.1f, 0, -1};
   ray.direction = {0, 0, 1};
   SceneHit hit = data.intersect(ray);
+  std::vector<SceneHit> ahead;
   std::vector<std::array<float, 3>> found;
   for (; hit.hit(); hit = data.next(ray, hit, {}, kCameraRays, ahead))
     found.push_back({hit.t, float(hit.primitive), float(hit.transform)});
@@ -282,7 +283,6 @@ TEST(ClusterScene, refuses_what_does_not_fit) {
   scene = good;
   scene.parts[0].geometry.triangles.clear();
   EXPECT_THROW(Scene::build(scene, {}), Error);
-  std::vector<SceneHit> ahead;
   scene = good;
   scene.parts[0].geometry.triangles[0] = 255;
   EXPECT_THROW(Scene::build(scene, {}), Error);
