@@ -12,7 +12,9 @@
 
 #include "base/big_vector.hpp"
 #include "base/hash.hpp"
+#include "base/simd/box4.hpp"
 #include "bvh/tree/merge_tree.hpp"
+#include "bvh/tree/scale.hpp"
 #include "umbel/dynamic_bvh.hpp"
 
 namespace umbel::bvh {
@@ -165,7 +167,7 @@ class GrowingTree {
 
   /// A pair to be searched, and by how much its ancestors grow.
   struct Candidate {
-    double growth;
+    float growth;
     uint32_t pair;
   };
 
@@ -177,27 +179,32 @@ class GrowingTree {
     return subtree.is_primitive() ? 1 : merges[subtree.index()].count;
   }
 
-  /// Half the area of a box, enlarged by a sliver of the whole tree, so that points and segments on
-  /// a line have one too. In double, where no box is too large or too small.
-  double padded_area(const Aabb& box) const {
-    const double x = double(box.max.x) - double(box.min.x) + padding_,
-                 y = double(box.max.y) - double(box.min.y) + padding_,
-                 z = double(box.max.z) - double(box.min.z) + padding_;
-    return x * y + z * (x + y);
+  /// Scaled as the whole tree, so that no area overflows or vanishes.
+  Box4 scaled_box(const Aabb& box) const {
+    Box4 b = Box4::load(box);
+    if (scale_ != 1.0f) [[unlikely]]
+      b = {b.low * splat(scale_), b.negated_high * splat(scale_)};
+    return b;
+  }
+  /// Of a scaled box, enlarged by a sliver of the whole tree: points and segments on a line have an
+  /// area, too.
+  float padded_area(const Box4& box) const { return box.half_area(splat(padding_)); }
+  float united_area(const Box4& a, const Box4& b) const {
+    return padded_area({min4(a.low, b.low), min4(a.negated_high, b.negated_high)});
   }
 
   /// The node that should become the sibling of the box.
   uint32_t best_sibling(uint32_t primitive, const Aabb& box) {
     const Aabb whole = united(nodes_[0].box, box);
-    padding_ = 0x1p-24 * std::max({double(whole.max.x) - double(whole.min.x),
-                                   double(whole.max.y) - double(whole.min.y),
-                                   double(whole.max.z) - double(whole.min.z)});
-    const double area = padded_area(box);
-    double best = padded_area(whole);
+    scale_ = moderate_scale(whole);
+    padding_ = 0x1p-24f * scaled_box(whole).longest();
+    const Box4 added = scaled_box(box);
+    const float area = padded_area(added);
+    float best = padded_area(scaled_box(whole));
     uint32_t best_node = 0;
     candidates_.clear();
     if (!nodes_[0].is_leaf())
-      candidates_.push_back({best - padded_area(nodes_[0].box), nodes_[0].link});
+      candidates_.push_back({best - padded_area(scaled_box(nodes_[0].box)), nodes_[0].link});
     for (uint32_t searched = 0; searched < kMostSearched && !candidates_.empty(); ++searched) {
       const Candidate candidate = candidates_.back();
       candidates_.pop_back();
@@ -206,13 +213,14 @@ class GrowingTree {
       Candidate below[2];
       for (uint32_t i = 0; i < 2; ++i) {
         const DynamicNode& node = nodes_[2 * candidate.pair + i];
-        const double cost = candidate.growth + padded_area(united(node.box, box));
+        const Box4 node_box = scaled_box(node.box);
+        const float cost = candidate.growth + united_area(node_box, added);
         if (cost < best) {
           best = cost;
           best_node = 2 * candidate.pair + i;
         }
         // Below a leaf there is nothing to be searched.
-        below[i] = {node.is_leaf() ? best : cost - padded_area(node.box), node.link};
+        below[i] = {node.is_leaf() ? best : cost - padded_area(node_box), node.link};
       }
       // The more promising one is searched first, so it is pushed last.
       if (below[0].growth < below[1].growth) std::swap(below[0], below[1]);
@@ -245,14 +253,15 @@ class GrowingTree {
   /// Exchanges one of two siblings with a child of the other where that shrinks the other most;
   /// false where it does not.
   bool rotate(uint32_t left, uint32_t right) {
-    double best = 0;
+    float best = 0;
     uint32_t node = 0, child = 0;
     for (const auto& [outer, inner] : {std::pair{left, right}, std::pair{right, left}}) {
       if (nodes_[inner].is_leaf()) continue;
       const uint32_t first = nodes_[inner].first_child();
+      const float area = padded_area(scaled_box(nodes_[inner].box));
       for (const uint32_t leaving : {first, first + 1}) {
-        const double gain = padded_area(nodes_[inner].box) -
-                            padded_area(united(nodes_[outer].box, nodes_[leaving ^ 1].box));
+        const float gain =
+            area - united_area(scaled_box(nodes_[outer].box), scaled_box(nodes_[leaving ^ 1].box));
         if (gain <= best) continue;
         best = gain;
         node = outer;
@@ -273,7 +282,7 @@ class GrowingTree {
   std::vector<uint32_t> free_pairs_;
   uint32_t pairs_ = 0;  ///< free ones included
   bool is_tracking_ = false;
-  double padding_ = 0;  ///< of padded_area()
+  float scale_ = 1, padding_ = 0;  ///< of areas that are compared
   std::vector<Candidate> candidates_;
 };
 
