@@ -62,7 +62,9 @@ class GrowingTree {
     const uint32_t pair = leaf / 2, parent = parents_[pair];
     free_pairs_.push_back(pair);
     put(parent, nodes_[leaf ^ 1]);
-    if (parent != 0) climb(parents_[parent / 2]);
+    if (parent == 0) return parent;
+    set_scale(nodes_[0].box);
+    climb(parents_[parent / 2]);
     return parent;
   }
 
@@ -179,6 +181,11 @@ class GrowingTree {
     return subtree.is_primitive() ? 1 : merges[subtree.index()].count;
   }
 
+  /// For areas that are compared, in a tree with this box.
+  void set_scale(const Aabb& whole) {
+    scale_ = moderate_scale(whole);
+    padding_ = 0x1p-24f * scaled_box(whole).longest();
+  }
   /// Scaled as the whole tree, so that no area overflows or vanishes.
   Box4 scaled_box(const Aabb& box) const {
     Box4 b = Box4::load(box);
@@ -196,8 +203,7 @@ class GrowingTree {
   /// The node that should become the sibling of the box.
   uint32_t best_sibling(uint32_t primitive, const Aabb& box) {
     const Aabb whole = united(nodes_[0].box, box);
-    scale_ = moderate_scale(whole);
-    padding_ = 0x1p-24f * scaled_box(whole).longest();
+    set_scale(whole);
     const Box4 added = scaled_box(box);
     const float area = padded_area(added);
     float best = padded_area(scaled_box(whole));
@@ -282,7 +288,7 @@ class GrowingTree {
   std::vector<uint32_t> free_pairs_;
   uint32_t pairs_ = 0;  ///< free ones included
   bool is_tracking_ = false;
-  float scale_ = 1, padding_ = 0;  ///< of areas that are compared
+  float scale_ = 1, padding_ = 0;  ///< see set_scale
   std::vector<Candidate> candidates_;
 };
 

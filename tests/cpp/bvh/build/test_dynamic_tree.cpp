@@ -188,6 +188,26 @@ TEST(DynamicTree, no_boxes_become_a_chain) {
   });
 }
 
+/// Areas are no floats in the size that they were refitted to.
+TEST(DynamicTree, removals_do_not_depend_on_the_scale) {
+  const std::vector<Aabb> boxes = random_boxes(4000, 10);
+  const auto cost_after = [&](float scale) {
+    DynamicTree tree;
+    std::vector<uint32_t> numbers;
+    std::vector<Aabb> scaled;
+    for (const Aabb& box : boxes) {
+      numbers.push_back(tree.insert(box));
+      scaled.push_back({box.min * scale, box.max * scale});
+    }
+    tree.refit(numbers, scaled);
+    for (size_t i = 0; i < numbers.size(); i += 2) tree.remove(numbers[i]);
+    return tree.quality().sah_cost;
+  };
+  const double expected = cost_after(1);
+  for (const float scale : {0x1p120f, 0x1p-100f})
+    EXPECT_NEAR(cost_after(scale), expected, 1e-6 * expected) << scale;
+}
+
 TEST(DynamicTree, nearest_box_is_found_in_order) {
   const std::vector<Aabb> boxes = random_boxes(2000, 8);
   DynamicTree tree;
