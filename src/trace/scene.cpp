@@ -350,6 +350,8 @@ Scene Scene::build(const ClusterScene& clusters, const Shading& shading,
     const Mesh& mesh = all.mesh;
     validate(mesh.view());
     check_shading(mesh.view(), shading);
+    // Of the materials as given: all triangles of a tree have the same.
+    const std::vector<uint32_t> masks = Scene::masks(mesh.view(), shading.materials);
     const std::vector<Material> materials = fit_materials(clusters, shading.materials, all);
     Data& data = *scene.data_;
     data = Data{};
@@ -359,7 +361,6 @@ Scene Scene::build(const ClusterScene& clusters, const Shading& shading,
     data.light_density.assign(data.materials.size(), 0.0f);
 
     const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
-    const std::vector<uint32_t> masks = Scene::masks(mesh.view(), materials);
     bvh::Config config = bvh::preset("fast");
     std::vector<bvh::BottomTree> trees(all.trees.size());
     parallel_for(trees.size(), 16, [&](size_t i) {

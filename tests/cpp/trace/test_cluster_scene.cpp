@@ -244,6 +244,34 @@ TEST(ClusterScene, a_part_may_mix_materials) {
   EXPECT_EQ(scene.instanced_triangles(), 2u);
 }
 
+TEST(ClusterScene, what_loses_its_texture_leaves_the_rest_of_its_part_see_through) {
+  ClusterScene clusters;
+  clusters.transforms = {kIdentity};
+  for (uint32_t i = 0; i < 2; ++i) {
+    clusters.parts.push_back(square_part(i));
+    clusters.instances.push_back({i, 0});
+  }
+  clusters.parts[1].geometry.uvs.assign(4, {0.5f, 0.5f});
+  lod::ClusterGeometry& g = clusters.parts[0].geometry;
+  // The upper triangle has vertices of its own.
+  g.positions.push_back(g.positions[0]);
+  g.positions.push_back(g.positions[2]);
+  g.triangles = {0, 1, 2, 4, 5, 3};
+  g.extras = {{ExtraKind::kMaterial, 0}};
+  g.extra_values = {0, 0, 0, 1, 1, 1};
+  const std::vector<uint8_t> texels = {0, 0, 0, 255};
+  const TextureView texture{.texels = texels, .width = 1, .height = 1, .nearest = true};
+  std::vector<Material> materials(2);
+  materials[0].transmission = materials[0].roughness = 1.0f;  // clear by its texture alone
+  materials[0].metallic_roughness_texture.texture = 0;
+  materials[1].alpha_mode = AlphaMode::kBlend;
+  const Scene scene = Scene::build(clusters, {materials, std::span(&texture, 1), {}});
+  Ray ray;
+  ray.direction = {0, 0, -1};
+  ray.origin = {0.25f, 0.75f, 1};
+  EXPECT_FALSE(scene.data().occluded(ray, {.mask = kOpaqueBit}));
+}
+
 TEST(ClusterScene, hits_at_the_same_t_follow_each_other) {
   ClusterScene clusters;
   clusters.transforms = {kIdentity, kIdentity};
