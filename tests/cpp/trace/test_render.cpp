@@ -1,6 +1,7 @@
 // Pictures that are known exactly, or to be equal to each other.
 #include <gtest/gtest.h>
 
+#include <ctime>
 #include <numbers>
 
 #include "trace/scenes.hpp"
@@ -309,9 +310,10 @@ TEST(Render, a_thousand_veils_in_one_plane_are_seen_through) {
   const Scene scene = scene_of(mesh, materials, constant(1));
   const Camera camera = from_above(1.0f, 0.05f);
   const Settings settings = small_picture(4, 64);
+  const std::clock_t began = std::clock();
   const Picture picture = render(scene, camera, settings);
+  EXPECT_LT(double(std::clock() - began) / CLOCKS_PER_SEC, 20);
   EXPECT_NEAR(mean(picture.image), std::pow(1.0 - 0.001, 1000), 0.05);
-  EXPECT_LT(picture.statistics.seconds, 20.0);
 }
 
 TEST(Render, holes_of_a_cut_out_texture_are_not_there) {
