@@ -1,11 +1,14 @@
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <limits>
+#include <thread>
 
 #include "../../../../bench/ply_reader.hpp"
 #include "base/math.hpp"
+#include "base/parallel.hpp"
 #include "bvh/tree_tests.hpp"
 #include "data_folder.hpp"
 
@@ -160,6 +163,23 @@ TEST(Build, long_stages_ask_again_whether_to_stop) {
              ErrorCode::kCancelled);
     EXPECT_EQ(seen, 2);
   }
+}
+
+TEST(Build, loops_of_the_progress_callback_report_nothing) {
+  const std::vector<Aabb> boxes = random_boxes(50000, 4);
+  int depth = 0, deepest = 0;
+  BuildOptions options;
+  options.progress = [&](float, std::string_view) {
+    deepest = std::max(deepest, ++depth);
+    if (depth == 1) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(25));
+      parallel_for(2, 1, [](size_t) {});
+    }
+    --depth;
+    return true;
+  };
+  build(boxes, with(Builder::kSweep), options);
+  EXPECT_EQ(deepest, 1);
 }
 
 TEST(Build, binned_costs_as_little_as_the_full_sweep) {
