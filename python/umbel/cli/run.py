@@ -188,7 +188,7 @@ def listen(show: Callable[..., None]) -> None:
 
 
 def warn_no_effect(flag: str, why: str) -> None:
-    """Names a flag that is given in vain: scripts give all methods the same ones."""
+    """A warning, not an error: scripts give the same flags to all methods."""
     warnings.warn(f"{flag} has no effect: {why}", stacklevel=3)
 
 

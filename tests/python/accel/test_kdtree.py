@@ -182,5 +182,5 @@ def test_the_command_names_flags_that_have_no_effect(umbel_command: Umbel, small
         "--bins has no effect: it is for --builder binned, not exact",
         "--ropes has no effect: --traversal short-stack is given",
     ]
-    heeded = ("--builder", "binned", "--bins", 32, "--ropes", "--traversal", "ropes")
-    assert umbel_command("kdtree", small_ply, *heeded).err == ""
+    used = ("--builder", "binned", "--bins", 32, "--ropes", "--traversal", "ropes")
+    assert umbel_command("kdtree", small_ply, *used).err == ""

@@ -151,5 +151,5 @@ def test_flags_that_have_no_effect_are_named(umbel_command: Umbel, mesh: Path) -
     assert umbel_command("render", mesh, "-o", out, *flags, *small).json["warnings"] == [
         f"{flag} has no effect: --heatmap traces no paths" for flag in ("--spp", "--light")
     ]
-    heeded = ("--spp", 4, "--light", "1,1,1", "--exposure", 1)
-    assert umbel_command("render", mesh, "-o", out, *heeded, *small).json["warnings"] == []
+    used = ("--spp", 4, "--light", "1,1,1", "--exposure", 1)
+    assert umbel_command("render", mesh, "-o", out, *used, *small).json["warnings"] == []

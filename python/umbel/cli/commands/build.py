@@ -252,7 +252,7 @@ def command(
 
 
 def _warn_of_flags(options: Options, jobs: int, keep_going: bool, is_one_asset: bool) -> None:
-    """Names flags that this build does not heed."""
+    """Warns of flags that have no effect on this build."""
     for flag, is_given in (("--jobs", jobs > 1), ("--keep-going", keep_going)):
         if is_given and is_one_asset:
             warn_no_effect(flag, "it is for several assets")
@@ -262,7 +262,7 @@ def _warn_of_flags(options: Options, jobs: int, keep_going: bool, is_one_asset: 
     for name in ("seams", "creases", "normal_bits", "tangent_bits", "color_bits", "uv_bits"):
         if getattr(options, name) != getattr(usual, name):
             flag = f"--{name.replace('_', '-')}"
-            warn_no_effect(flag, "with --attributes none nothing is left that it is for")
+            warn_no_effect(flag, "it is for attributes, and --attributes none removes them")
 
 
 def _build_elsewhere(

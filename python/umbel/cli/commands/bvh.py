@@ -45,7 +45,7 @@ _BUILDERS = {
     "treelet_size": ["atrbvh"],
     "treelet_rounds": ["atrbvh"],
 }
-"""Which builders heed an option that not all do."""
+"""The builders that have an option; all have those that are not listed."""
 _PRESETS = {"fast": "lbvh", "quality": "binned", "best": "sbvh"}
 _NOT_KARY = ("max_depth", "reinsertion_rounds", "forwarded_clusters")
 """What makes the binary tree of the clusters, which is left out with --kary."""
@@ -205,7 +205,7 @@ def command(
 
 
 def _warn_of_flags(builder: str, device: Device, kary: bool, options: TreeOptions) -> None:
-    """Names settings that the builder does not heed."""
+    """Warns of settings that have no effect on this builder."""
     from umbel.cli.on_device import BUILDERS
 
     presets = BUILDERS if device is Device.cuda else _PRESETS

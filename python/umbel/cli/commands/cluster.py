@@ -153,7 +153,7 @@ _TAKEN_ON_DEVICE = ["--min-triangles", "--max-vertices", "--underfill"]
 
 
 def _warn_of_flags(method: Method, device: Device, given: list[str]) -> None:
-    """Names flags that the method does not heed."""
+    """Warns of flags that have no effect on this method."""
     taken, named = _TAKEN.get(method, given), method.value
     if device is Device.cuda and method is Method.hybrid:
         taken, named = _TAKEN_ON_DEVICE, f"{named} with --device cuda"

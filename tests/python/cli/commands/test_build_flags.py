@@ -42,18 +42,18 @@ def test_build_takes_bits_of_attributes_and_costs_of_clusters(
         assert not (tmp_path / "no.umbel").exists()
 
 
-def test_flags_that_a_build_does_not_heed_are_named(
+def test_flags_that_have_no_effect_on_a_build_are_named(
     umbel_command: Umbel, small_ply: Path, tmp_path: Path
 ) -> None:
     one = ("build", small_ply, "-o", tmp_path / "out.umbel", "--json")
     flags = ("--jobs", 2, "--keep-going", "--attributes", "none", "--seams", "protect")
     done = umbel_command(*one, *flags, "--uv-bits", 12)
-    nothing = "with --attributes none nothing is left that it is for"
+    removed = "it is for attributes, and --attributes none removes them"
     assert done.json["warnings"] == [
         "--jobs has no effect: it is for several assets",
         "--keep-going has no effect: it is for several assets",
-        f"--seams has no effect: {nothing}",
-        f"--uv-bits has no effect: {nothing}",
+        f"--seams has no effect: {removed}",
+        f"--uv-bits has no effect: {removed}",
     ]
     done = umbel_command(*one, "--seams", "protect", "--uv-bits", 12)
     assert done.status == 0 and done.json["warnings"] == [] and done.err == ""

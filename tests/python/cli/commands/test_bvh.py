@@ -249,7 +249,9 @@ def test_nasty_meshes_are_measured(bvh_command: Run, data: Path, name: str) -> N
     assert all(done.json[field] is not None for field in FIELDS)
 
 
-def test_flags_that_the_builder_does_not_heed_are_named(bvh_command: Run, small_ply: Path) -> None:
+def test_flags_that_have_no_effect_on_the_builder_are_named(
+    bvh_command: Run, small_ply: Path
+) -> None:
     for builder, flags, why in (
         ("quality", ("--treelet-size", 5), "it is for --builder atrbvh, not quality"),
         ("fast", ("--bins", 16), "it is for --builder binned, not fast"),
@@ -259,5 +261,5 @@ def test_flags_that_the_builder_does_not_heed_are_named(bvh_command: Run, small_
         done = bvh_command(small_ply, "--builder", builder, *flags)
         assert done.status == 0
         assert f"umbel: warning: {flags[0]} has no effect: {why}\n" in done.err
-    heeded = ("--bins", 16, "--max-depth", 50, "--reinsertion-rounds", 1)
-    assert bvh_command(small_ply, *heeded).err == ""
+    used = ("--bins", 16, "--max-depth", 50, "--reinsertion-rounds", 1)
+    assert bvh_command(small_ply, *used).err == ""
