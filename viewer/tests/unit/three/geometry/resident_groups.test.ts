@@ -137,14 +137,18 @@ test("a group that finds no memory leaves no trace, and may be added later", () 
     (count) => slots.push(count),
     () => {},
   );
-  const group = groupOf(0, 100);
+  const [group, large] = [groupOf(0, 100), groupOf(1, 100_000)];
   const noMemory = () => {
     throw new RangeError("Array buffer allocation failed");
   };
   vi.stubGlobal("Float32Array", new Proxy(Float32Array, { construct: noMemory }));
   for (let attempt = 0; attempt < 3; ++attempt) expect(() => groups.add(group)).toThrow("failed");
+  expect(() => groups.add(large)).toThrow("failed");
   vi.unstubAllGlobals();
   groups.add(group);
-  expect(slots).toEqual([1, 1, 1, 1]);
+  expect(slots).toEqual([1, 1, 1, 1, 1]);
+  const fresh = residentsOf(1 << 22);
+  fresh.add(groupOf(0, 100));
+  expect(arenaOf(groups, 0).capacity).toBe(arenaOf(fresh, 0).capacity);
   expect(arenaOf(groups, 0).isEmpty).toBe(false);
 });

@@ -75,9 +75,9 @@ export class ResidentGroups {
   add(group: RenderGroup): void {
     if (this.groups.has(group.group)) return;
     this.compactFor = undefined;
+    const { arena, allocation } = this.place(group);
     this.vertices += group.positions.length / 3;
     this.triangles += group.indices.length / 3;
-    const { arena, allocation } = this.place(group);
     const box = new Box3();
     for (let i = 0; i < group.clusterCount; ++i) box.union(boxOf(group, i));
     this.coarsestError = Math.max(this.coarsestError, ...group.generatingError);
