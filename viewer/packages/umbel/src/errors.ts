@@ -27,7 +27,7 @@ export function corrupt(message: string): never {
 /** The error of an allocation that failed; undefined for other errors. */
 export function memoryError(error: unknown): UmbelError | undefined {
   if (error instanceof UmbelError) return error.kind === "memory" ? error : undefined;
-  // Browsers throw different errors, of which RangeError is also that of reads beyond the end.
+  // Browsers throw different errors. Reads beyond the end throw a RangeError, too.
   if (!(error instanceof Error && /memory|alloc/i.test(error.message))) return undefined;
   return new UmbelError(
     "memory",

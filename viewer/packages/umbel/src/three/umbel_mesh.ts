@@ -73,7 +73,7 @@ export class UmbelMesh extends Object3D {
   onMaterial: ((material: Material) => void) | undefined;
   /** Called when the connection is lost or back. */
   onConnection: ((isLost: boolean) => void) | undefined;
-  /** Called when parts stay coarse for a reason other than the connection, as for want of memory. */
+  /** Called when parts stay coarse for a reason other than the connection: mostly, memory is short. */
   onError: ((error: UmbelError) => void) | undefined;
   /** Called when something has arrived or changed, so that a new frame differs from the last. */
   onChange: (() => void) | undefined;
