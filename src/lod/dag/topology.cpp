@@ -6,15 +6,11 @@
 #include <numeric>
 
 #include "base/big_vector.hpp"
+#include "base/find_root.hpp"
 #include "base/parallel.hpp"
 
 namespace umbel::lod {
 namespace {
-
-uint32_t find_root(std::vector<uint32_t>& parent, uint32_t i) {
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
 
 // Most vertices have about three edges to later ones, two triangles at each.
 template <typename Iterator>

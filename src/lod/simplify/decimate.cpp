@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/find_root.hpp"
 #include "base/math.hpp"
 
 namespace umbel::lod {
@@ -92,16 +93,13 @@ std::vector<uint32_t> joined_by_edges(std::span<const Triangle> triangles) {
     joined[i] = i;
   }
   std::ranges::sort(edges);
-  const auto lowest = [&](uint32_t i) {
-    while (joined[i] != i) i = joined[i] = joined[joined[i]];
-    return i;
-  };
   for (size_t e = 1; e < edges.size(); ++e) {
     if (edges[e].first != edges[e - 1].first) continue;
-    const uint32_t a = lowest(edges[e].second), b = lowest(edges[e - 1].second);
+    const uint32_t a = find_root(joined, edges[e].second),
+                   b = find_root(joined, edges[e - 1].second);
     joined[std::max(a, b)] = std::min(a, b);
   }
-  for (uint32_t& i : joined) i = lowest(i);
+  for (uint32_t& i : joined) i = find_root(joined, i);
   return joined;
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "base/find_root.hpp"
+
 namespace umbel::lod {
 namespace {
 
@@ -30,12 +32,8 @@ uint32_t JoinedPositions::top(uint32_t number) const {
 }
 
 void JoinedPositions::join(uint64_t a, uint64_t b) {
-  const auto halve = [&](uint32_t n) {
-    while (parents_[n] != n) n = parents_[n] = parents_[parents_[n]];
-    return n;
-  };
   const uint32_t first = number(a), second = number(b);
-  const uint32_t x = halve(first), y = halve(second);
+  const uint32_t x = find_root(parents_, first), y = find_root(parents_, second);
   parents_[std::max(x, y)] = std::min(x, y);
 }
 
