@@ -22,7 +22,7 @@ namespace umbel::bvh {
 struct DynamicNode {
   Aabb box;
   uint32_t link;    ///< highest bit set: a leaf, the others are its primitive
-  float half_area;  ///< of the box's surface; 0 or infinite where it is no float
+  float half_area;  ///< of the box's surface; 0 or infinite where it under- or overflows
   bool is_leaf() const { return (link & 0x80000000u) != 0; }
   uint32_t primitive() const { return link & 0x7fffffffu; }
   uint32_t first_child() const { return 2 * link; }  ///< the other one follows it
@@ -72,8 +72,8 @@ class UMBEL_API DynamicTree {
   /// The primitives whose boxes touch a box, sorted.
   std::vector<uint32_t> overlaps(const Aabb& box) const;
   /// As a tree of its own, with leaves of up to `max_leaf_size` by cost: for the traversals of
-  /// bvh_traverse.hpp, and, of triangles, for Bvh::widen. What is deeper than 255 levels, as boxes
-  /// within boxes may be, is made shallower.
+  /// bvh_traverse.hpp, and, of triangles, for Bvh::widen. Subtrees that reach
+  /// below level 255, as of nested boxes, are rebuilt to end there.
   Bvh2 snapshot(uint32_t max_leaf_size = 8) const;
 
   /// nodes()[0] is the root; some of the others may be out of use. None where there are no

@@ -28,8 +28,8 @@ struct TextureUse {
   Vec2 offset{0, 0};
   Vec2 scale{1, 1};
   float rotation = 0.0f;  ///< radians, counter-clockwise with v down
-  /// 0: MeshView::uvs; up to 63: its ExtraKind::kUvs of this set. Without these the texture is left
-  /// out.
+  /// 0: MeshView::uvs; up to 63: its ExtraKind::kUvs of this set. A mesh without the set is
+  /// shown without the texture.
   uint32_t uv_set = 0;
 };
 

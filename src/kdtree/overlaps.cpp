@@ -8,7 +8,7 @@ namespace umbel::kdtree {
 
 std::vector<uint32_t> overlaps(const Tree& tree, std::span<const Aabb> boxes, const Aabb& box) {
   std::vector<uint32_t> found;
-  if (is_empty(box)) return found;  // also where it would seem to lie across another
+  if (is_empty(box)) return found;  // the tests below are for boxes with min <= max
   traverse(tree, box, [&](std::span<const uint32_t> primitives) {
     for (const uint32_t i : primitives) {
       if (i >= boxes.size())

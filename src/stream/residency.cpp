@@ -372,7 +372,7 @@ Residency::Residency(const Asset& asset, const ResidencyConfig& config,
     : state_(std::make_unique<State>(asset, config)) {
   State& state = *state_;
   state.check_and_pin_roots();
-  // More threads than loads would have nothing to do, and there may not be so many.
+  // More threads than loads would have nothing to do, and a system may refuse to start them.
   const uint32_t threads = std::min(config.threads, state.config.loads_in_flight);
   state.loader = loader ? std::move(loader) : make_thread_loader(asset, threads);
 }

@@ -158,7 +158,7 @@ class Path {
     return scene_.occluded(ray) ? Vec3{0, 0, 0} : absorbed_to_end(ray, body, 0.0f);
   }
 
-  /// Of a ray that meets nothing more: what is left where its light is in a body, too.
+  /// The transmittance of the rest of a ray that meets nothing more: its light may be in the body.
   Vec3 absorbed_to_end(const Ray& ray, uint32_t body, float crossed) const {
     if (!scene_.absorbs || body == kNone || !std::isfinite(ray.t_max)) return {1, 1, 1};
     return absorbed(body, ray.t_max - crossed);

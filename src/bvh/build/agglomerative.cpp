@@ -18,8 +18,8 @@
 namespace umbel::bvh {
 namespace {
 
-/// Puts long runs of equal codes, as of all but a box that is very far away, into the order of
-/// codes around their own centres: without one, searches visit all boxes of the run.
+/// Sorts each long run of equal codes by codes within its own bounds. One box very far away gives
+/// all others equal codes; a search among boxes in no order visits all of them.
 void order_runs(Boxes boxes, std::span<const uint64_t> codes, std::span<uint32_t> primitives) {
   constexpr size_t kLong = 64;
   CpuExec exec;

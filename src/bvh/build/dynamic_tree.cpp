@@ -240,7 +240,7 @@ DynamicQuality DynamicTree::quality() const {
 
 std::vector<uint32_t> DynamicTree::overlaps(const Aabb& box) const {
   std::vector<uint32_t> found;
-  if (is_empty(box)) return found;  // also where it would seem to lie across another
+  if (is_empty(box)) return found;  // the tests below are for boxes with min <= max
   traverse(
       *this, [&](const Aabb& node) { return meet(node, box); },
       [&](uint32_t primitive) {

@@ -62,7 +62,8 @@ Aabb InstanceTransform::box_to_world(const Aabb& box) const {
     extend(out,
            point_to_world({corner & 1 ? box.max.x : box.min.x, corner & 2 ? box.max.y : box.min.y,
                            corner & 4 ? box.max.z : box.min.z}));
-  // As large as the terms of both maps may be, though their sums are small.
+  // Rounding errors of both maps are relative to their terms, which may be far larger than the
+  // sums.
   const Vec3 away = max(box.max, box.min * -1.0f);
   const auto& m = to_world_;
   const Vec3 local{away.x + std::fabs(to_object_[3]), away.y + std::fabs(to_object_[7]),

@@ -197,7 +197,7 @@ void refine_what_fits(std::vector<InstanceCut>& cuts, const Costs& costs, uint64
   int64_t room = static_cast<int64_t>(std::min<uint64_t>(left, INT64_MAX));
   std::vector<uint32_t> next;
   std::vector<Refinable> unaffordable;
-  bool may_fit = false;  // some of them, by now
+  bool may_fit = false;  // whether some of them may be affordable by now
   while (!queue.empty()) {
     const Refinable best = queue.top();
     queue.pop();
@@ -210,7 +210,7 @@ void refine_what_fits(std::vector<InstanceCut>& cuts, const Costs& costs, uint64
       next.clear();
       cut.refine(best.group, next);
       for (const uint32_t g : next) queue.push(cut.candidate(best.instance, g));
-      // There is more room, or a group that its neighbours' clusters are in is no longer drawn.
+      // There is more room, or a group is no longer drawn, so that others cost less.
       may_fit |= price < 0 || !costs.groups.empty();
     }
     if (!queue.empty() || !may_fit) continue;

@@ -188,7 +188,7 @@ TEST(DynamicTree, no_boxes_become_a_chain) {
   });
 }
 
-/// Areas are no floats in the size that they were refitted to.
+/// Areas of the refitted boxes overflow or underflow.
 TEST(DynamicTree, removals_do_not_depend_on_the_scale) {
   const std::vector<Aabb> boxes = random_boxes(4000, 10);
   const auto cost_after = [&](float scale) {
