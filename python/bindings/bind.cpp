@@ -49,7 +49,7 @@ Dict dict_of(Mesh&& mesh) {
 std::string sentence_of(const nb::python_error& error) {
   if (!error.matches(PyExc_Exception)) throw;
   const nb::str said = nb::str("{}: {}").format(error.type().attr("__name__"), error.value());
-  // Names of files in it may be no text.
+  // It may have file names that are not valid UTF-8.
   const nb::object bytes =
       nb::steal(PyUnicode_AsEncodedString(said.ptr(), "utf-8", "backslashreplace"));
   if (!bytes) throw nb::python_error();

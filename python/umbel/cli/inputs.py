@@ -46,7 +46,7 @@ def load_mesh(source: str, *, allow_outside: bool, drops: bool = False, threads:
 
 
 def empty_mesh() -> Mesh:
-    """Building something of it says what is wrong with settings, before a file is read."""
+    """For checks of settings before a file is read: what is built of it refuses wrong ones."""
     import numpy as np
 
     from umbel.geometry.mesh import Mesh

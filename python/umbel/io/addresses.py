@@ -34,8 +34,8 @@ def name_of(address: str) -> str:
 
 
 def web_options(address: str, silence: float = 60.0) -> dict[str, Any]:
-    """What fsspec is told of the web servers of an address: one that sends nothing for so many
-    seconds has failed, however long a whole answer takes."""
+    """Options of fsspec for the web servers of an address: reading fails when a server sends
+    nothing for `silence` seconds, however long a whole answer takes."""
     used = {part.partition("://")[0] for part in address.split("::")} & {"http", "https"}
     if not used:
         return {}

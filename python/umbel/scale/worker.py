@@ -34,6 +34,6 @@ def main(arguments: list[str]) -> int:
             f"unit {unit} of tier {tier} needs more memory than there is: give more, and go on "
             "with resume"
         )
-    with contextlib.suppress(OSError):  # nor may there be for this
+    with contextlib.suppress(OSError):  # there may be no room for this either
         os.write(2, said.encode("utf-8", "backslashreplace"))
     return 10 + code

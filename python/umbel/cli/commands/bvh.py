@@ -48,7 +48,7 @@ _BUILDERS = {
 """The builders that have an option; all have those that are not listed."""
 _PRESETS = {"fast": "lbvh", "quality": "binned", "best": "sbvh"}
 _NOT_KARY = ("max_depth", "reinsertion_rounds", "forwarded_clusters")
-"""What makes the binary tree of the clusters, which is left out with --kary."""
+"""Options of the binary tree over the clusters, which --kary does not build."""
 
 
 @ends_cleanly(FLAGS)

@@ -271,7 +271,7 @@ def _check_settings(
     up: str,
     settings: dict[str, Any],
 ) -> None:
-    """Refuses, before any work, what no mesh could be rendered with: one pixel of a triangle is."""
+    """Refuses settings that no mesh could be rendered with, by one pixel of a triangle."""
     import numpy as np
 
     from umbel.geometry.mesh import Mesh

@@ -37,7 +37,7 @@ export class AssetStream {
     onConnection?: (isLost: boolean) => void,
   ): Promise<AssetStream> {
     checkNumber("budget", options.budget, true);
-    // Blobs of other windows are none of this one's.
+    // Not by `instanceof`: other windows have a Blob class of their own.
     if (typeof source !== "string" && typeof source?.arrayBuffer !== "function")
       throw new TypeError("`source` must be an address, as a string, or a Blob.");
     const address = typeof source === "string" ? addressOf(source) : undefined;

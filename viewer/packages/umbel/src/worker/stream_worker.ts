@@ -75,7 +75,7 @@ scope.onmessage = ({ data }) => {
   else if (streamer) void sendFile(streamer, data.index, data.isUrgent);
 };
 
-// What nothing expects is reported too: otherwise the page would wait for ever.
+// Unexpected errors are reported, too: otherwise the page would wait forever.
 scope.addEventListener("error", ({ error }) => send({ type: "failed", ...failureOf(error) }));
 scope.addEventListener("unhandledrejection", ({ reason }) =>
   send({ type: "failed", ...failureOf(reason) }),
