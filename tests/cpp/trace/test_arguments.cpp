@@ -36,7 +36,7 @@ TEST(TraceArguments, materials_out_of_range_are_named) {
   refused([](Material& m) { m.emission.x = -1.0f; }, "emission");
   refused([](Material& m) { m.emission.x = INFINITY; }, "emission");
   refused([](Material& m) { m.normal_texture.texture = 3; }, "normal_texture");
-  refused([](Material& m) { m.normal_texture = {.texture = 0, .uv_set = 99}; }, "normal_texture");
+  refused([](Material& m) { m.normal_texture = {.texture = 0, .uv_set = 64}; }, "normal_texture");
   refused([](Material& m) { m.clearcoat_texture.texture = 3; }, "clearcoat_texture");
   refused([](Material& m) { m.ior = 0.5f; }, "ior");
   refused([](Material& m) { m.transmission = 1.5f; }, "transmission");
