@@ -21,6 +21,7 @@ struct InstanceHit : Hit {
     if (t != other.t) return t < other.t;
     return primitive != other.primitive ? primitive < other.primitive : transform < other.transform;
   }
+  bool operator==(const InstanceHit&) const = default;
 };
 
 /// A cluster's triangles among all, and the tree over them.

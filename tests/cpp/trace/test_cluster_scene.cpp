@@ -280,7 +280,7 @@ TEST(ClusterScene, hits_at_the_same_t_follow_each_other) {
                              {-1, -1, 1}, {1, -1, 1}, {0, 1, 1}};
   part.geometry.triangles = {0, 1, 2, 0, 1, 2, 3, 4, 5};
   clusters.parts = {part};
-  clusters.instances = {{0, 0}, {0, 1}};
+  clusters.instances = {{0, 0}, {0, 1}, {0, 1}, {0, 0}};  // each twice, which changes nothing
   const Scene scene = Scene::build(clusters, {});
   const Scene::Data& data = scene.data();
   Ray ray;
