@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <ctime>
+#include <new>
+#include <utility>
 
 #include "lod.hpp"
 
@@ -59,7 +61,8 @@ struct PythonResidency : AssetUser, Residency {
   ~PythonResidency() {
     end();
     // The loader's threads are not in a forked process, so nothing there can wait for them.
-    if (is_forked()) static_cast<void>(new Residency(std::move(static_cast<Residency&>(*this))));
+    if (is_forked())
+      static_cast<void>(new (std::nothrow) Residency(std::move(static_cast<Residency&>(*this))));
   }
   void end() {
     if (!is_forked()) AssetUser::alone([&] { close(); });
