@@ -14,6 +14,7 @@
 #include <chrono>
 #include <exception>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -23,6 +24,7 @@
 #include <vector>
 
 #include "base/fields.hpp"
+#include "base/poll.hpp"
 #include "umbel/kdtree.hpp"
 #include "umbel/mesh.hpp"
 #include "umbel/types.hpp"
@@ -136,6 +138,24 @@ auto run(const nb::object& callback, uint32_t threads, const Work& work) {
     return work(options);
   } catch (const Error&) {
     progress.rethrow();
+    throw;
+  }
+}
+
+/// Calls work() without the GIL. Ctrl-C ends it where it polls.
+template <typename Work>
+auto interruptible(const Work& work) {
+  const nb::object nothing = nb::none();
+  PythonProgress interrupts(nothing);
+  const std::function<void()> look = [&] {
+    if (!interrupts.report(0, "")) throw Error(ErrorCode::kCancelled, "interrupted");
+  };
+  try {
+    const nb::gil_scoped_release release;
+    const PollScope scope(look);
+    return work();
+  } catch (const Error&) {
+    interrupts.rethrow();
     throw;
   }
 }

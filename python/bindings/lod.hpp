@@ -1,10 +1,8 @@
 // What the bindings of DAGs in memory and of assets on disk share.
 #pragma once
 
-#include <functional>
 #include <mutex>
 
-#include "base/poll.hpp"
 #include "bind.hpp"
 #include "umbel/lod.hpp"
 
@@ -17,24 +15,6 @@ void check_cut(const lod::Tables& tables, std::span<const uint32_t> cut);
 Dict build_report(const lod::Report& report);
 Dict report_dict(const lod::VerifyReport& report);
 Dict geometry_dict(lod::ClusterGeometry&& geometry);
-
-/// Calls work() without the GIL. Ctrl-C ends it where it polls.
-template <typename Work>
-auto interruptible(const Work& work) {
-  const nb::object nothing = nb::none();
-  PythonProgress interrupts(nothing);
-  const std::function<void()> look = [&] {
-    if (!interrupts.report(0, "")) throw Error(ErrorCode::kCancelled, "interrupted");
-  };
-  try {
-    const nb::gil_scoped_release release;
-    const PollScope scope(look);
-    return work();
-  } catch (const Error&) {
-    interrupts.rethrow();
-    throw;
-  }
-}
 
 /// One cut as the arrays of a mesh; reads and welds without the GIL.
 Dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,

@@ -1,5 +1,5 @@
 // The queries of every structure over triangles, for Python.
-#include <functional>
+#include <algorithm>
 
 #include "base/poll.hpp"
 #include "bind.hpp"
@@ -38,22 +38,12 @@ RayArrays slice(const RayArrays& rays, size_t begin, size_t count) {
 /// Calls work(begin, count) for slices without the GIL. Ctrl-C ends it.
 template <typename Work>
 void sliced(size_t total, const Work& work) {
-  const nb::object nothing = nb::none();
-  PythonProgress interrupts(nothing);
-  const std::function<void()> poll = [&] {
-    if (!interrupts.report(0, "")) throw Error(ErrorCode::kCancelled, "interrupted");
-  };
-  try {
+  interruptible([&] {
     for (size_t begin = 0; begin < total; begin += kSlice) {
       poll();
-      nb::gil_scoped_release release;
-      const PollScope scope(poll);
       work(begin, std::min(kSlice, total - begin));
     }
-  } catch (const Error&) {
-    interrupts.rethrow();
-    throw;
-  }
+  });
 }
 
 /// Rays as Python gave them, kept alive.
