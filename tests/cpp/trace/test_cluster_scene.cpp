@@ -2,6 +2,8 @@
 
 #include <array>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "base/math.hpp"
 #include "trace/scene_data.hpp"
@@ -153,6 +155,29 @@ ClusterPart square_part(uint32_t i) {
   return part;
 }
 
+/// The same, the lower triangle of one material and the upper, which has vertices of its own, of
+/// another.
+ClusterPart mixed_part(uint32_t i, uint32_t lower, uint32_t upper) {
+  ClusterPart part = square_part(i);
+  lod::ClusterGeometry& g = part.geometry;
+  g.positions.push_back(g.positions[0]);
+  g.positions.push_back(g.positions[2]);
+  g.triangles = {0, 1, 2, 4, 5, 3};
+  g.extras = {{ExtraKind::kMaterial, 0}};
+  const auto a = static_cast<float>(lower), b = static_cast<float>(upper);
+  g.extra_values = {a, a, a, b, b, b};
+  return part;
+}
+
+/// A scene of parts that are not moved.
+ClusterScene scene_of(std::vector<ClusterPart> parts) {
+  ClusterScene clusters;
+  clusters.transforms = {kIdentity};
+  for (uint32_t i = 0; i < parts.size(); ++i) clusters.instances.push_back({i, 0});
+  clusters.parts = std::move(parts);
+  return clusters;
+}
+
 /// What a ray down at the middle of the lower (or upper) triangle of square i meets.
 Surface seen(const Scene& scene, uint32_t i, bool upper = false) {
   Ray ray;
@@ -196,12 +221,7 @@ TEST(ClusterScene, parts_keep_the_attributes_that_others_lack) {
 }
 
 TEST(ClusterScene, parts_without_texture_coordinates_are_without_textures) {
-  ClusterScene clusters;
-  clusters.transforms = {kIdentity};
-  for (uint32_t i = 0; i < 3; ++i) {
-    clusters.parts.push_back(square_part(i));
-    clusters.instances.push_back({i, 0});
-  }
+  ClusterScene clusters = scene_of({square_part(0), square_part(1), square_part(2)});
   clusters.parts[1].geometry.uvs.assign(4, {0.75f, 0.5f});
   clusters.parts[2].material = 1;
   const std::vector<uint8_t> texels = {0, 0, 0, 255, 0, 255, 0, 255};
@@ -219,16 +239,7 @@ TEST(ClusterScene, parts_without_texture_coordinates_are_without_textures) {
 }
 
 TEST(ClusterScene, a_part_may_mix_materials) {
-  ClusterScene clusters;
-  clusters.transforms = {kIdentity};
-  lod::ClusterGeometry& g = clusters.parts.emplace_back(square_part(0)).geometry;
-  // The upper triangle has vertices of its own.
-  g.positions.push_back(g.positions[0]);
-  g.positions.push_back(g.positions[2]);
-  g.triangles = {0, 1, 2, 4, 5, 3};
-  g.extras = {{ExtraKind::kMaterial, 0}};
-  g.extra_values = {1, 1, 1, 0, 0, 0};
-  clusters.instances.push_back({0, 0});
+  const ClusterScene clusters = scene_of({mixed_part(0, 1, 0)});
   std::vector<Material> materials(2);
   materials[0].alpha_mode = AlphaMode::kBlend;
   const Scene scene = Scene::build(clusters, {materials, {}, {}});
@@ -245,20 +256,8 @@ TEST(ClusterScene, a_part_may_mix_materials) {
 }
 
 TEST(ClusterScene, what_loses_its_texture_leaves_the_rest_of_its_part_see_through) {
-  ClusterScene clusters;
-  clusters.transforms = {kIdentity};
-  for (uint32_t i = 0; i < 2; ++i) {
-    clusters.parts.push_back(square_part(i));
-    clusters.instances.push_back({i, 0});
-  }
+  ClusterScene clusters = scene_of({mixed_part(0, 0, 1), square_part(1)});
   clusters.parts[1].geometry.uvs.assign(4, {0.5f, 0.5f});
-  lod::ClusterGeometry& g = clusters.parts[0].geometry;
-  // The upper triangle has vertices of its own.
-  g.positions.push_back(g.positions[0]);
-  g.positions.push_back(g.positions[2]);
-  g.triangles = {0, 1, 2, 4, 5, 3};
-  g.extras = {{ExtraKind::kMaterial, 0}};
-  g.extra_values = {0, 0, 0, 1, 1, 1};
   const std::vector<uint8_t> texels = {0, 0, 0, 255};
   const TextureView texture{.texels = texels, .width = 1, .height = 1, .nearest = true};
   std::vector<Material> materials(2);

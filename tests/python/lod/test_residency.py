@@ -368,15 +368,26 @@ def test_hysteresis_spares_a_camera_that_moves_to_and_fro_its_reloads(tmp_path: 
     assert default["resident_bytes"] > 0.8 * without["resident_bytes"]
 
 
-@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's list of threads")
 def test_a_residency_has_no_more_threads_than_loads(folder: Path) -> None:
-    def threads() -> int:
-        return len(list(Path("/proc/self/task").iterdir()))
+    readers = set()
 
-    before = threads()
-    residency = umbel.Residency(umbel.Asset(folder / "a.umbel"), loads_in_flight=3, threads=10**6)
-    assert threads() <= before + 3
-    residency.close()
+    class Watched(io.FileIO):
+        def read(self, count: int = -1) -> bytes:
+            readers.add(threading.get_ident())
+            time.sleep(0.002)  # time for the next thread to come
+            return super().read(count)
+
+    def readers_of(loads: int, threads: int) -> int:
+        asset = umbel.Asset(Watched(folder / "a.umbel"))
+        readers.clear()
+        residency = umbel.Residency(asset, loads_in_flight=loads, threads=threads)
+        while residency.step([0.0])["missing_groups"] > 0:
+            time.sleep(0.001)
+        residency.close()
+        return len(readers - {threading.get_ident()})
+
+    assert readers_of(loads=3, threads=10**6) <= 3
+    assert readers_of(loads=8, threads=8) > 3
 
 
 def test_residency_says_what_it_cannot_do(folder: Path) -> None:
