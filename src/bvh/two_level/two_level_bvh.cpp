@@ -168,8 +168,7 @@ InstanceHit TwoLevelBvh::next(Ray ray, const InstanceHit& after, const RayOption
   std::ranges::sort(ahead,
                     [](const InstanceHit& a, const InstanceHit& b) { return b.precedes(a); });
   // An instance that is given twice is hit once.
-  const auto repeated = std::ranges::unique(ahead);
-  ahead.erase(repeated.begin(), repeated.end());
+  ahead.erase(std::unique(ahead.begin(), ahead.end()), ahead.end());
   if (!ahead.empty() && ahead.back() == best) ahead.pop_back();
   return best;
 }
