@@ -313,6 +313,7 @@ def test_cluster_warns_of_flags_that_its_method_does_not_have(
         ("morton", ("--preset", "exact")),
         ("hybrid", ("--overlap", 0.5)),
         ("hybrid", ("--weights", "shared-vertices")),
+        ("morton", ("--weights", "shared-vertices=0.3,normals=2")),
     ):
         done = umbel_command("cluster", small_ply, "--method", method, *flags, "--json")
         (said,) = done.json["warnings"]

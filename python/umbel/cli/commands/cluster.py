@@ -88,6 +88,8 @@ def command(
     from umbel.geometry.repair import weld
 
     mix = weights_of(weights)
+    if method is not Method.bisect:
+        mix = {}  # has no effect, as a warning says
 
     def build(mesh: Mesh, progress: Progress | None = None) -> Clusters:
         return cluster_mesh(
