@@ -10,6 +10,7 @@ import numpy as np
 
 from umbel.cli.run import fail
 from umbel.cluster.clusters import METHODS, cluster_boxes, cluster_mesh, clusters_of
+from umbel.trace.shading import matching
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,12 +68,17 @@ def _read(path: Path) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     return indices("items", arrays[0]), indices("offsets", arrays[1])
 
 
-def boxes_of_cuts(asset: Asset, shown: Sequence[InstanceCut]) -> NDArray[np.float32]:
-    """(k, 6) boxes of the clusters that are shown, in the world relative to the asset's origin."""
+def boxes_of_cuts(
+    asset: Asset, shown: Sequence[InstanceCut], hide: Sequence[str] = ()
+) -> NDArray[np.float32]:
+    """(k, 6) boxes of the clusters that are shown, in the world relative to the asset's origin.
+    Materials are hidden by clusters, as `CutRenderer` hides them."""
     found: list[NDArray[Any]] = []
     origin = asset.origin
+    hidden = matching(asset.materials, hide)
     for one in shown:
         clusters = asset.mesh_tables(one.mesh).clusters[one.cut]
+        clusters = clusters[~np.isin(clusters["material"], hidden)]
         low = np.asarray(clusters["box_min"], np.float64)
         high = np.asarray(clusters["box_max"], np.float64)
         matrix = np.asarray(one.transform, np.float64)

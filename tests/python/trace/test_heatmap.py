@@ -147,9 +147,29 @@ def test_damaged_lists_of_clusters_are_refused(umbel_command: Umbel, mesh: Path)
 
 def test_flags_that_have_no_effect_are_named(umbel_command: Umbel, mesh: Path) -> None:
     out, small = mesh.with_name("a.png"), ("--width", 32, "--height", 32, "--json")
-    flags = ("--heatmap", "overlap", "--spp", 4, "--light", "1,1,1")
-    assert umbel_command("render", mesh, "-o", out, *flags, *small).json["warnings"] == [
-        f"{flag} has no effect: --heatmap traces no paths" for flag in ("--spp", "--light")
+    flags = ("--spp", 4, "--light", "1,1,1", "--ground", "--accel", "kdtree")
+    heatmap = umbel_command("render", mesh, "-o", out, "--heatmap", "overlap", *flags, *small)
+    assert heatmap.json["warnings"] == [
+        f"{flag} has no effect: --heatmap traces no paths"
+        for flag in ("--spp", "--light", "--ground", "--accel")
     ]
     used = ("--spp", 4, "--light", "1,1,1", "--exposure", 1)
     assert umbel_command("render", mesh, "-o", out, *used, *small).json["warnings"] == []
+
+
+def test_hidden_materials_have_no_boxes(umbel_command: Umbel, tmp_path: Path) -> None:
+    mesh = umbel.shapes.grid(40, 40)
+    middle = mesh.positions[mesh.triangles].mean(axis=1)[:, 0]
+    mesh.material_ids = (middle > np.median(middle)).astype(np.uint32)
+    mesh.materials = [umbel.Material(name=name) for name in ("left", "right")]
+    asset, out = tmp_path / "a.umbel", tmp_path / "a.png"
+    umbel.build_lod(mesh).save(asset)
+    flags = ("--heatmap", "overlap", "--camera", "0.5,0.5,2:0.5,0.5,0", "--json")
+    flags += ("--width", 64, "--height", 64, "--pixel-error", 0.001)
+
+    def shown(*hide: str) -> Any:
+        done = umbel_command("render", asset, "-o", out, *flags, *hide)
+        return done.json["clusters"]
+
+    left, right = shown("--hide", "right"), shown("--hide", "left")
+    assert left > 0 and right > 0 and left + right == shown()

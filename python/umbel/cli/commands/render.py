@@ -172,6 +172,8 @@ def command(
         "--sun": sun is not None,
         "--light": light != "sky",
         "--exposure": exposure != "auto",
+        "--ground": ground,
+        "--accel": accel is not None and not is_asset(source),
     }
     for flag, is_given in of_paths.items():
         if is_given and heatmap is not None:
@@ -209,7 +211,7 @@ def command(
             assert isinstance(views, _Views)
             for text, path in zip(cameras, outputs, strict=True):
                 view = views.view(text, width, height)
-                boxes, origin = views.boxes(view, clusters, threads)
+                boxes, origin = views.boxes(view, clusters, hide or [], threads)
                 results.append(_save_heatmap(path, boxes, view, origin, width, height, most))
             total = {"total_seconds": time.perf_counter() - began}
             show(
@@ -361,13 +363,15 @@ class _Views:
     def view(self, text: str, width: int, height: int) -> Camera:
         return replace(self._whole.view(text, width, height), pixel_error=self._pixel_error)
 
-    def boxes(self, view: Camera, clusters: str | None, threads: int) -> tuple[Any, Any]:
+    def boxes(
+        self, view: Camera, clusters: str | None, hide: list[str], threads: int
+    ) -> tuple[Any, Any]:
         """The boxes of the clusters that the view shows, and what they are relative to."""
         from umbel.cli.heatmaps import boxes_of_cuts, boxes_of_mesh
 
         if self._asset is not None:
             shown = self._asset.scene_cuts(camera=view)
-            return boxes_of_cuts(self._asset, shown), self._asset.origin
+            return boxes_of_cuts(self._asset, shown, hide), self._asset.origin
         if self._boxes is None:
             self._boxes = boxes_of_mesh(self._whole.mesh, clusters, threads)
         return self._boxes, self._whole.origin
