@@ -29,6 +29,10 @@ def lay_out(layout: Layout, path: Path) -> bool:
     faces = next((e for e in elements if e.name == "face"), None)
     if byte_order == "=" or vertex is None or faces is None or not faces.count:
         return False
+    others = [e for e in elements if e is not faces]
+    # Before anything is added or said, as the reader of whole files does both again.
+    if any(e.has_lists or not e.properties for e in others) or not _vertex_columns(vertex, 0):
+        return False
     length, big = path.stat().st_size, byte_order == ">"
     columns: dict[str, Column] = {}
     triangles = largest = 0
@@ -42,8 +46,6 @@ def lay_out(layout: Layout, path: Path) -> bool:
             triangles, more, offset, largest = found
             columns.update(more)
             continue
-        if element.has_lists or not element.properties:
-            return False
         if offset + stride * element.count > length:
             raise Error(
                 f"{path}, byte {length}: the file is cut short or corrupt: the header says "
@@ -52,16 +54,15 @@ def lay_out(layout: Layout, path: Path) -> bool:
             )
         if element is vertex:
             table = layout.add_table(file, offset, stride, element.count, big)
-            own = _vertex_columns(element, table)
-            if own is None:
-                return False
-            columns.update(own)
+            columns.update(_vertex_columns(element, table))
         offset += stride * element.count
     if offset < length:
         _warn(
             f"{path}, byte {offset}: {length - offset} bytes after the last element are left out; "
             "do the header's counts lie?"
         )
+    if vertex.count and not triangles:
+        _warn(f"{path} has {vertex.count} vertices, and no triangles")
     kinds = {e.name: _kinds(e) for e in elements if e.count}
     warn_of_losses(kinds, head, str(path))
     numbers = None
@@ -76,8 +77,8 @@ def _kinds(element: Element) -> dict[str, str]:
     return {p.name: LIST if p.count_type else p.type[0] for p in element.properties}
 
 
-def _vertex_columns(vertex: Element, table: int) -> dict[str, Column] | None:
-    """The streams of vertices by name; None where one is not of one type."""
+def _vertex_columns(vertex: Element, table: int) -> dict[str, Column]:
+    """The streams of vertices by name; none where one is not of one type."""
     properties = {p.name: p.type for p in vertex.properties}
     offsets, at = {}, 0
     for p in vertex.properties:
@@ -102,10 +103,10 @@ def _vertex_columns(vertex: Element, table: int) -> dict[str, Column] | None:
             continue
         types = {properties[name] for name in names}
         if len(types) > 1 or (stream == "colors" and not types <= WHOLE_COLORS):
-            return None
+            return {}
         unit = stream == "colors"
         columns[stream] = (table, types.pop(), [offsets[name] for name in names], unit)
-    return columns if "positions" in columns else None
+    return columns if "positions" in columns else {}
 
 
 def _faces(

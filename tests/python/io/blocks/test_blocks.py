@@ -191,6 +191,30 @@ def test_polygons_become_fans(tmp_path: Path, materials: bool) -> None:
     check_same(source, mesh)
 
 
+def test_faces_before_vertices_that_only_the_whole_reader_takes(tmp_path: Path) -> None:
+    head = "ply\nformat binary_little_endian 1.0\nelement face 2\n"
+    head += "property list uchar int vertex_indices\nelement vertex 4\n"
+    head += "".join(f"property float {name}\n" for name in ("x", "y", "z", "red", "green", "blue"))
+    body = struct.pack("<B4iB2i", 4, 0, 1, 2, 3, 2, 0, 1)
+    body += np.random.default_rng(1).random((4, 6)).astype("<f4").tobytes()
+    path = tmp_path / "a.ply"
+    path.write_bytes(head.encode() + b"end_header\n" + body)
+    with pytest.warns(LoadWarning) as caught:
+        source = open_source(path, tmp_path / "work")
+    assert [str(w.message) for w in caught] == [
+        f"{path}: 1 faces have fewer than three corners and are left out"
+    ]
+    with pytest.warns(LoadWarning):
+        check_same(source, umbel.load(path))
+
+
+def test_vertices_without_triangles_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    polygons(path, [[0, 1]], materials=False)
+    with pytest.warns(LoadWarning, match="has 8 vertices, and no triangles"):
+        open_source(path, tmp_path / "work")
+
+
 def test_an_iterable_of_blocks_is_written_once(tmp_path: Path) -> None:
     for mesh in (giant.city(5000, seams=True), giant.foliage(3000), giant.scan(4000, tile=16)):
         source = open_source(mesh.blocks(size=700), tmp_path / type(mesh).__name__)
