@@ -20,9 +20,11 @@ Opener = Callable[[Path], AbstractContextManager[IO[bytes]]]
 
 
 @contextlib.contextmanager
-def replacing_together() -> Iterator[Opener]:
+def replacing_together(flush: bool = True) -> Iterator[Opener]:
     """A function that opens binary files to write. They take their names when all of them are on
-    disk, in the order in which they were opened; if one cannot be written, none does."""
+    disk, in the order in which they were opened; if one cannot be written, none does. Without
+    `flush` the system writes them to the disk when it likes: for what is of no use after a crash of
+    the machine."""
     temporaries: dict[str, str] = {}  # by the name to take
 
     @contextlib.contextmanager
@@ -37,7 +39,8 @@ def replacing_together() -> Iterator[Opener]:
             with temporary.open("xb") as file:
                 yield file
                 file.flush()
-                os.fsync(file.fileno())
+                if flush:
+                    os.fsync(file.fileno())
         except OSError as error:
             raise _cannot_write(path, error) from None
 
@@ -52,9 +55,9 @@ def replacing_together() -> Iterator[Opener]:
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[IO[bytes]]:
+def replacing(path: Path, flush: bool = True) -> Iterator[IO[bytes]]:
     """A binary file to write that takes the name `path` only when all of it is on disk."""
-    with replacing_together() as opened, opened(path) as file:
+    with replacing_together(flush) as opened, opened(path) as file:
         yield file
 
 

@@ -148,15 +148,19 @@ void OutputFile::write(uint64_t offset, std::span<const std::byte> bytes) {
 void OutputFile::commit() {
   if (::fsync(handle_->descriptor) != 0 && errno != EINVAL && errno != ENOTSUP)
     fail("cannot write", target_, errno);
-  if (::close(std::exchange(handle_->descriptor, -1)) != 0) fail("cannot write", target_, errno);
-  if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail("cannot write", target_, errno);
-  temporary_.clear();
+  commit_unflushed();
   // The name itself is durable once the folder is; where folders cannot be flushed, it follows.
   const fs::path folder = target_.has_parent_path() ? target_.parent_path() : fs::path(".");
   if (const int descriptor = ::open(folder.c_str(), O_RDONLY | O_CLOEXEC); descriptor >= 0) {
     ::fsync(descriptor);
     ::close(descriptor);
   }
+}
+
+void OutputFile::commit_unflushed() {
+  if (::close(std::exchange(handle_->descriptor, -1)) != 0) fail("cannot write", target_, errno);
+  if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail("cannot write", target_, errno);
+  temporary_.clear();
 }
 
 struct TemporaryFile::Handle : Descriptor {};
@@ -224,7 +228,9 @@ void OutputFile::write(uint64_t offset, std::span<const std::byte> bytes) {
   if (!handle_->stream) fail("cannot write", target_, errno);
 }
 
-void OutputFile::commit() {
+void OutputFile::commit() { commit_unflushed(); }
+
+void OutputFile::commit_unflushed() {
   handle_->stream.close();
   if (!handle_->stream) fail("cannot write", target_, errno);
   std::error_code error;

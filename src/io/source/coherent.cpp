@@ -66,7 +66,7 @@ class WordFile {
   }
   void commit() {
     flush();
-    file_->commit();
+    file_->commit_unflushed();
     file_.reset();
     buffer_ = std::vector<uint32_t>();
   }
@@ -196,7 +196,7 @@ class Sorter {
         row += all;
       }
     }
-    output.commit();
+    output.commit_unflushed();
     moved_.push_back(path);
   }
 

@@ -184,7 +184,7 @@ FaceScan write_triangles(const FaceRows& faces, const std::filesystem::path& pat
     }
   });
   flush();
-  file.commit();
+  file.commit_unflushed();
   return scan;
 }
 

@@ -47,7 +47,7 @@ class RowFile {
   }
   void commit() {
     flush();
-    if (file_) file_->commit();
+    if (file_) file_->commit_unflushed();
   }
 
  private:

@@ -93,6 +93,16 @@ TEST(File, a_file_has_its_name_only_once_it_is_whole) {
   EXPECT_EQ(scratch.files(), 1u);
 }
 
+TEST(File, a_file_gets_its_name_without_being_flushed) {
+  const Scratch scratch;
+  write_bytes(scratch / "a", numbered(10));
+  OutputFile file(scratch / "a");
+  file.write(0, bytes_of(numbered(20)));
+  file.commit_unflushed();
+  EXPECT_EQ(read_bytes(scratch / "a"), numbered(20));
+  EXPECT_EQ(scratch.files(), 1u);
+}
+
 TEST(File, what_is_not_committed_leaves_nothing) {
   const Scratch scratch;
   write_bytes(scratch / "a", numbered(10));

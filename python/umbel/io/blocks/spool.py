@@ -148,7 +148,7 @@ def _spool_part(
     paths = layout.new_file(".vertices"), layout.new_file(".triangles")
     counts = [0, 0]
     rest: Rows | None = first
-    with replacing(paths[0]) as vertices, replacing(paths[1]) as faces:
+    with replacing(paths[0], False) as vertices, replacing(paths[1], False) as faces:
         while rest is not None and counts[0] + len(rest[0]["positions"]) <= _MOST_VERTICES:
             arrays, triangles, materials = rest
             if list(arrays) != streams or (materials is not None) != has_materials:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import warnings
 from pathlib import Path
@@ -228,6 +229,17 @@ def test_an_iterable_of_blocks_is_written_once(tmp_path: Path) -> None:
     pairs = [(np.eye(3), [[0, 1, 2]]), (np.eye(3) + 1, [[2, 1, 0]])]
     read = read_all(open_source(iter(pairs), tmp_path / "pairs"))
     assert np.array_equal(read["positions"][1], (np.eye(3) + 1)[::-1])
+
+
+def test_tables_that_every_build_writes_again_are_not_flushed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unwanted(_: int) -> None:
+        raise OSError("a table was flushed")
+
+    monkeypatch.setattr(os, "fsync", unwanted)
+    source = open_source(giant.city(2000, seed=5).blocks(500), tmp_path / "work")
+    assert source.triangles.triangles == giant.city(2000, seed=5).triangle_count
 
 
 def test_nodes_move_and_mirror_meshes(tmp_path: Path) -> None:
