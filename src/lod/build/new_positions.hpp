@@ -22,8 +22,7 @@ class NewPositions {
   /// which has none of the source, they stay within that; nothing where they cannot.
   std::optional<float> set_apart(const Source& source, float step, const UnusedPositions* unused,
                                  AddedVertices& added) {
-    if (known_.keys().empty() && !unused)
-      for (const Vec3& p : source.mesh.positions) known_.insert(without_negative_zero(p));
+    if (known_.keys().empty() && !unused) insert_all(source);
     const bool enlarged = !added.components.empty();
     float farthest = 0;
     for (size_t v = 0; v < added.position_ids.size(); ++v) {
@@ -51,6 +50,18 @@ class NewPositions {
  private:
   static constexpr float kMost = std::numeric_limits<float>::max();
   static constexpr int kMostSteps = 4096;
+
+  // Once for each position, whatever else vertices have there.
+  void insert_all(const Source& source) {
+    constexpr size_t kAhead = 16;
+    const std::vector<Vec3>& positions = source.mesh.positions;
+    known_ = Interner<Vec3, ValueHash>(positions.size());
+    for (size_t v = 0; v < positions.size(); ++v) {
+      if (v + kAhead < positions.size())
+        known_.prefetch(without_negative_zero(positions[v + kAhead]));
+      if (source.position_ids[v] == v) known_.insert(without_negative_zero(positions[v]));
+    }
+  }
 
   // Where floats are farther apart than the step, which is a power of two, all are multiples of it.
   static float next(float x, float step, bool upwards) {

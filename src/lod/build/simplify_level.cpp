@@ -1,11 +1,18 @@
 #include "lod/build/simplify_level.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 
 namespace umbel::lod {
+namespace {
+
+// Two such steps are one with `ratio`.
+float ratio_between(float ratio) { return std::sqrt(ratio); }
+
+}  // namespace
 
 LevelSimplifier::LevelSimplifier(Unit& unit, const Config& config, const Decimator& decimate)
     : unit_(unit), source_(unit.source), config_(config), workers_([this, &decimate] {
@@ -14,23 +21,36 @@ LevelSimplifier::LevelSimplifier(Unit& unit, const Config& config, const Decimat
 
 std::vector<GroupResult> LevelSimplifier::simplify(const Clusters& groups, float ratio,
                                                    bool last_resort,
-                                                   const std::function<void(double)>& progress) {
+                                                   const std::function<void(double)>& progress,
+                                                   GroupResult* between) {
   groups_ = &groups;
   ratio_ = ratio;
   by_caller_ = true;
   insert_own_locked_edges();
   std::vector<GroupResult> results(groups.ranges.size());
-  constexpr size_t kBatch = 256;  // groups between two calls of `progress`
-  for (size_t begin = 0; begin < results.size(); begin += kBatch) {
-    const size_t count = std::min(kBatch, results.size() - begin);
-    parallel_for(count, 1, [&](size_t i) {
-      results[begin + i] =
-          simplify_group(members_of(groups, begin + i), {.locked_edges = true,
-                                                         .last_resort = last_resort,
-                                                         .unused = unit_.unused,
-                                                         .taken = &unit_.locked_edges});
-    });
-    progress(static_cast<double>(begin + count) / results.size());
+  const auto simplify_one = [&](size_t g) {
+    results[g] = simplify_group(members_of(groups, g), {.ratio = ratio_,
+                                                        .locked_edges = true,
+                                                        .by_caller = by_caller_,
+                                                        .last_resort = last_resort,
+                                                        .unused = unit_.unused,
+                                                        .taken = &unit_.locked_edges});
+  };
+  if (between != nullptr) {
+    parallel_invoke([&] { simplify_one(0); },
+                    [&] {
+                      *between =
+                          simplify_group(members_of(groups, 0),
+                                         {.ratio = ratio_between(ratio), .by_caller = false});
+                    });
+    progress(1.0);
+  } else {
+    constexpr size_t kBatch = 256;  // groups between two calls of `progress`
+    for (size_t begin = 0; begin < results.size(); begin += kBatch) {
+      const size_t count = std::min(kBatch, results.size() - begin);
+      parallel_for(count, 1, [&](size_t i) { simplify_one(begin + i); });
+      progress(static_cast<double>(begin + count) / results.size());
+    }
   }
   settle_locked_edges(results, last_resort);
   settle_added(results, last_resort);
@@ -41,8 +61,6 @@ std::vector<GroupResult> LevelSimplifier::simplify(const Clusters& groups, float
 GroupResult LevelSimplifier::simplify_group(std::span<const uint32_t> members, Allowance allow) {
   // Nobody here knows which other positions there are elsewhere.
   allow.new_positions = unit_.is_whole;
-  allow.ratio = ratio_;
-  allow.by_caller = by_caller_;
   Worker& worker = *workers_.local();
   GroupResult result;
   result.simplified = worker.simplifier.simplify(unit_.pending, members, unit_.locked, allow);
@@ -52,14 +70,10 @@ GroupResult LevelSimplifier::simplify_group(std::span<const uint32_t> members, A
   return result;
 }
 
-GroupResult LevelSimplifier::simplify_again(const Clusters& groups, float ratio) {
-  groups_ = &groups;
-  ratio_ = ratio;
+void LevelSimplifier::settle_between(GroupResult& between) {
+  ratio_ = ratio_between(ratio_);
   by_caller_ = false;
-  std::vector<GroupResult> results;
-  results.push_back(simplify_group(members_of(groups, 0), {}));
-  settle_added(results, false);
-  return std::move(results[0]);
+  settle_added(std::span(&between, 1), false);
 }
 
 void LevelSimplifier::insert_own_locked_edges() {
@@ -83,7 +97,9 @@ void LevelSimplifier::settle_locked_edges(std::vector<GroupResult>& results, boo
   }
   parallel_for(refused.size(), 1, [&](size_t i) {
     results[refused[i]] =
-        simplify_group(members_of(*groups_, refused[i]), {.locked_edges = false,
+        simplify_group(members_of(*groups_, refused[i]), {.ratio = ratio_,
+                                                          .locked_edges = false,
+                                                          .by_caller = by_caller_,
                                                           .last_resort = last_resort,
                                                           .unused = unit_.unused,
                                                           .taken = nullptr});
@@ -98,13 +114,16 @@ float LevelSimplifier::set_apart(std::span<const uint32_t> members, bool last_re
   if (added.components.empty() && new_positions_.is_empty()) return 0;
   const auto moved = new_positions_.set_apart(source_, config_.position_step, unit_.unused, added);
   if (moved) return *moved;
-  result = simplify_group(members,
-                          {.locked_edges = false, .last_resort = last_resort, .taken = nullptr});
+  result = simplify_group(members, {.ratio = ratio_,
+                                    .locked_edges = false,
+                                    .by_caller = by_caller_,
+                                    .last_resort = last_resort,
+                                    .taken = nullptr});
   return 0;
 }
 
 // Vertices that groups have made get their numbers.
-void LevelSimplifier::settle_added(std::vector<GroupResult>& results, bool last_resort) {
+void LevelSimplifier::settle_added(std::span<GroupResult> results, bool last_resort) {
   for (size_t g = 0; g < results.size(); ++g) {
     GroupResult& result = results[g];
     if (result.simplified.added.position_ids.empty()) continue;

@@ -38,10 +38,13 @@ class LevelSimplifier {
 
   /// One result a group of the unit's pending clusters. New vertices are appended to the source.
   /// `ratio` is what should be left; `progress` is called with the part that is done, now and then.
+  /// `between`, if there is one group: becomes the same after half the step, without what the
+  /// caller would do. It is of no use before settle_between().
   std::vector<GroupResult> simplify(const Clusters& groups, float ratio, bool last_resort,
-                                    const std::function<void(double)>& progress);
-  /// The only group of the level to another ratio, without what the caller would do.
-  GroupResult simplify_again(const Clusters& groups, float ratio);
+                                    const std::function<void(double)>& progress,
+                                    GroupResult* between);
+  /// Appends its new vertices to the source.
+  void settle_between(GroupResult& between);
 
  private:
   struct Worker {
@@ -54,7 +57,7 @@ class LevelSimplifier {
   GroupResult simplify_group(std::span<const uint32_t> members, Allowance allow);
   void insert_own_locked_edges();
   void settle_locked_edges(std::vector<GroupResult>& results, bool last_resort);
-  void settle_added(std::vector<GroupResult>& results, bool last_resort);
+  void settle_added(std::span<GroupResult> results, bool last_resort);
   float set_apart(std::span<const uint32_t> members, bool last_resort, GroupResult& result);
   void fit_boxes(ClusterSet& clusters) const;
   void keep_one_triangle(std::vector<GroupResult>& results);

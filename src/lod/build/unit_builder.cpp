@@ -65,6 +65,7 @@ void UnitBuilder::run(uint32_t rounds) {
   bool last_resort = false;
   for (uint32_t round = 0; round < rounds; ++round) {
     if (pending.size() == 0 || is_coarsest() || is_deep_enough()) break;
+    is_last_round_ = round + 1 == rounds;
     const size_t before = pending.triangle_count();
     const double enough = before * kLeastProgress;
     // The last resort would damage the rest for the sake of what must stay.
@@ -124,10 +125,13 @@ size_t UnitBuilder::simplify_level(bool last_resort) {
   if (after_step_) {
     results.push_back(*std::exchange(after_step_, std::nullopt));
   } else {
-    results = simplifier_.simplify(groups, config_.ratio, last_resort, [&](double part) {
-      progress_.report(done_ + share * part, "levels of detail");
-    });
-    if (results.size() == 1) divide_step(groups, results[0]);
+    GroupResult between;
+    const bool divided = groups.ranges.size() == 1 && may_divide_step();
+    results = simplifier_.simplify(
+        groups, config_.ratio, last_resort,
+        [&](double part) { progress_.report(done_ + share * part, "levels of detail"); },
+        divided ? &between : nullptr);
+    if (divided) divide_step(results[0], between);
   }
   done_ += share;
   grow();
@@ -141,14 +145,17 @@ size_t UnitBuilder::simplify_level(bool last_resort) {
 // triangles. There a step is added between what is left and what it is simplified to, which is the
 // same as without it. So far up it costs little; with more of them, a stream that may keep very
 // little keeps less of the finer groups.
-void UnitBuilder::divide_step(const Clusters& groups, GroupResult& result) {
+bool UnitBuilder::may_divide_step() const {
   constexpr uint32_t kFirstLevel = 6;
+  return unit_.level >= kFirstLevel && unit_.frozen.empty() && config_.max_levels == 0;
+}
+
+void UnitBuilder::divide_step(GroupResult& result, GroupResult& between) {
   constexpr double kLeastStep = 0.9;
-  if (unit_.level < kFirstLevel || !unit_.frozen.empty() || config_.max_levels > 0 ||
-      !result.simplified.done || !result.new_positions.empty() ||
+  if (!result.simplified.done || !result.new_positions.empty() ||
       result.simplified.limiting_factor == LimitingFactor::kCaller)
     return;
-  GroupResult between = simplifier_.simplify_again(groups, std::sqrt(config_.ratio));
+  simplifier_.settle_between(between);
   const size_t count = between.clusters.triangle_count();
   const float error = between.simplified.error;
   if (!between.simplified.done || !between.new_positions.empty() ||
@@ -264,9 +271,14 @@ void UnitBuilder::join(const Clusters& groups, std::vector<GroupResult>& results
       if (surface_distance_) next.samples.push_back(std::move(measured[g].samples[c]));
     }
   }
-  sink_.finish_level(unit_.pending);
+  ClusterSet pending;
+  parallel_invoke([&] { sink_.finish_level(unit_.pending); },
+                  [&] {
+                    pending = gather_clusters(next.clusters);
+                    if (!is_last_round_) grouper_.prepare(pending);
+                  });
   if (unit_.generators.size() > generators_before) ++unit_.level;
-  unit_.pending = gather_clusters(next.clusters);
+  unit_.pending = std::move(pending);
   unit_.spheres = std::move(next.spheres);
   samples_ = std::move(next.samples);
 }

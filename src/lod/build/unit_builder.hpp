@@ -55,7 +55,8 @@ class UnitBuilder {
   bool is_coarsest() const;
   bool is_deep_enough() const;
   size_t simplify_level(bool last_resort);
-  void divide_step(const Clusters& groups, GroupResult& result);
+  bool may_divide_step() const;
+  void divide_step(GroupResult& result, GroupResult& between);
   void lock_frozen();
   void measure(const Clusters& groups, const std::vector<GroupResult>& results,
                std::vector<Measured>& measured) const;
@@ -81,6 +82,7 @@ class UnitBuilder {
   // What the one group that is left becomes after a step, simplified from the same triangles.
   std::optional<GroupResult> after_step_;
   size_t left_by_step_ = 0;  // triangles; others mean that the step was not taken
+  bool is_last_round_ = false;
   double sum_of_logs_ = 0;
   double done_ = 0.1;  // part of all work
 };
