@@ -4,6 +4,7 @@ with the materials of its libraries."""
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -75,33 +76,44 @@ def _normals(given: Float32Array | None, missing: Any, mesh: Mesh) -> Float32Arr
 def materials_of(arrays: dict[str, Any], folder: Folder | None, where: str) -> list[Material]:
     """The materials that `material_names` name, of the `libraries`."""
     library: dict[str, Material] = {}
+    others: set[str] = set()
     for text in dict.fromkeys(arrays["libraries"]):
-        library.update(_library(as_name(text), folder, where))
+        for found in _libraries(as_name(text), folder, where):
+            for name, material in found.items():
+                if library.setdefault(name, material) != material:
+                    others.add(name)
     names = [as_name(name) for name in arrays["material_names"]]
     missing = [repr(shown_name(n)) for n in names if n not in library] if library else []
     if missing:
-        shown = ", ".join([*missing[:4], *(["..."] if len(missing) > 4 else [])])
-        _warn(f"{where}: its libraries do not have {len(missing)} of its materials: {shown}")
+        _warn(
+            f"{where}: its libraries do not have {len(missing)} of its materials: {_some(missing)}"
+        )
+    doubled = [repr(shown_name(n)) for n in names if n in others]
+    if doubled:
+        _warn(f"{where}: several libraries have {_some(doubled)}: those of the first are taken")
     return [library.get(name) or Material(name=shown_name(name)) for name in names]
 
 
-def _library(whole: str, folder: Folder | None, where: str) -> dict[str, Material]:
-    """The materials that a line `mtllib` brings: its text is one name, or several."""
-    found: dict[str, Material] = {}
+def _some(names: list[str]) -> str:
+    return ", ".join([*names[:4], *(["..."] if len(names) > 4 else [])])
+
+
+def _libraries(whole: str, folder: Folder | None, where: str) -> Iterator[dict[str, Material]]:
+    """The materials of each library that a line `mtllib` names: its text is one name, or several,
+    of which the first is looked in first."""
     if folder is None:
-        return found
+        return
     names = [whole] if _is_in(folder, whole) else words_of(whole)
     if not any(_is_in(folder, name) for name in names):
         names = [whole]  # whose error is said
     for name in names:
         try:
             path = folder.find(name)
-            found.update(read_mtl(path.read_bytes(), folder.at(path.parent), text_of(path)))
+            yield read_mtl(path.read_bytes(), folder.at(path.parent), text_of(path))
         except Error as error:
             _warn(f"{where}: no material library: {error}")
         except OSError as error:
             _warn(f"{where}: cannot read {name!r}: {error.strerror}")
-    return found
 
 
 def _is_in(folder: Folder, name: str) -> bool:

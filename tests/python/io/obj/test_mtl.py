@@ -49,6 +49,19 @@ def test_a_library_that_is_named_twice_is_read_once(tmp_path: Path) -> None:
     assert said.endswith("left out: Tf")
 
 
+@pytest.mark.parametrize("line", ["mtllib a.mtl b.mtl", "mtllib a.mtl\nmtllib b.mtl"])
+def test_of_several_libraries_the_first_counts(tmp_path: Path, line: str) -> None:
+    (tmp_path / "b.mtl").write_text("newmtl m\nKd 0 1 0\nnewmtl n\nKd 0 0 1\nnewmtl both\n")
+    (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\nnewmtl both\n")
+    faces = "".join(f"usemtl {name}\nf 1 2 3\n" for name in ("n", "both", "m"))
+    (tmp_path / "a.obj").write_text(f"{line}\nv 0 0 0\nv 1 0 0\nv 1 1 0\n{faces}")
+    with pytest.warns(LoadWarning) as caught:
+        materials = load(tmp_path / "a.obj").materials
+    assert [m.base_color[:3] for m in materials] == [(0, 0, 1), (1, 1, 1), (1, 0, 0)]
+    [warning] = caught
+    assert "several libraries have 'm': those of the first are taken" in str(warning.message)
+
+
 def test_options_of_maps_that_are_left_out_are_named(tmp_path: Path) -> None:
     library = "newmtl m\nmap_Kd -mm 0.1 2 -o 1 -clamp on a.png\nnorm -bm 2 -imfchan r b.png\n"
     material, said = read(tmp_path, library)
