@@ -113,10 +113,11 @@ template <typename Kind>
 umbel_result get_tree_statistics(const typename Kind::Given* tree, const umbel_bvh_config* config,
                                  umbel_bvh2_statistics* statistics) {
   return guard([&] {
+    const bvh::CostModel cost = bvh_config(config).tree.cost;
+    bvh::check_cost(cost);
     const typename Kind::Tree copied = copied_tree<Kind>(tree);
     Kind::check(copied);
-    write_struct(tree_statistics(bvh::statistics(copied, bvh_config(config).tree.cost)), statistics,
-                 "statistics");
+    write_struct(tree_statistics(bvh::statistics(copied, cost)), statistics, "statistics");
   });
 }
 

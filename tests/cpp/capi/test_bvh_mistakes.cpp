@@ -291,6 +291,27 @@ TEST(CapiBvhMistakes, trees_that_are_none_are_refused) {
                  "node 0");
 }
 
+// A file with such costs would be refused when it is loaded.
+TEST(CapiBvhMistakes, costs_that_are_none_are_refused_for_trees_that_are_there) {
+  Call call;
+  Tree tree(call.mesh.triangle_count);
+  ASSERT_EQ(umbel_bvh2_build_triangles(&call.mesh, nullptr, nullptr, &tree.tree), UMBEL_OK);
+  const auto invalid = UMBEL_ERROR_INVALID_ARGUMENT;
+  umbel_bvh2_statistics found;
+  umbel_bvh2_statistics_init(&found);
+  for (const float wrong : {0.0f, -1.0f, kNan, HUGE_VALF})
+    for (float* const cost : {&call.config.traversal_cost, &call.config.intersection_cost}) {
+      umbel_bvh_config_init(&call.config);
+      *cost = wrong;
+      umbel_bvh* made = kUnset;
+      expect_failure(umbel_bvh_from_bvh2(&tree.tree, &call.mesh, &call.config, nullptr, &made),
+                     invalid, "cost.");
+      EXPECT_EQ(made, nullptr);
+      expect_failure(umbel_bvh2_get_statistics(&tree.tree, &call.config, &found), invalid, "cost.");
+      EXPECT_EQ(found.nodes, 0u);
+    }
+}
+
 TEST(CapiBvhMistakes, a_tree_of_another_mesh_is_refused) {
   Call call;
   Tree tree(call.mesh.triangle_count);

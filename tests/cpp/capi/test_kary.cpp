@@ -102,6 +102,11 @@ TEST(CapiKary, mistakes_are_refused) {
   EXPECT_GT(c.tree.node_count, 3u);
   c.tree.node_capacity = c.nodes.size();
   ASSERT_EQ(umbel_kary_build_triangles(&c.mesh, &c.config, nullptr, &c.tree), UMBEL_OK);
+  c.config.intersection_cost = 0;
+  expect_failure(umbel_kary_get_statistics(&c.tree, &c.config, &s), UMBEL_ERROR_INVALID_ARGUMENT,
+                 "cost.intersection is 0");
+  expect_failure(umbel_bvh_from_kary(&c.tree, &c.mesh, &c.config, nullptr, &made),
+                 UMBEL_ERROR_INVALID_ARGUMENT, "cost.intersection is 0");
   c.nodes[0].children = 1;
   expect_failure(umbel_kary_get_statistics(&c.tree, nullptr, &s), UMBEL_ERROR_CORRUPT, "node 0");
   expect_failure(umbel_bvh_from_kary(&c.tree, &c.mesh, nullptr, nullptr, &made),
