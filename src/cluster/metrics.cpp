@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <vector>
 
 #include "base/math.hpp"
@@ -47,29 +48,40 @@ struct Line {
   Double3 origin, direction;
 };
 
-// A uniform line that meets the sphere: isotropic direction, uniform point of the disk across it.
-Line random_line(Random& random, const Double3& center, double radius) {
-  const double z = 2 * random.next() - 1, phi = 2 * std::numbers::pi * random.next();
-  const double s = std::sqrt(std::max(0.0, 1 - z * z));
-  const Double3 d{s * std::cos(phi), s * std::sin(phi), z};
-  const double sign = std::copysign(1.0, z), a = -1 / (sign + z), b = d[0] * d[1] * a;
-  const Double3 u{1 + sign * d[0] * d[0] * a, sign * b, -sign * d[0]};
-  const Double3 w{b, sign + d[1] * d[1] * a, -d[1]};
-  const double r = radius * std::sqrt(random.next()), t = 2 * std::numbers::pi * random.next();
-  const double p = r * std::cos(t), q = r * std::sin(t);
-  Line line{{}, d};
-  for (int k = 0; k < 3; ++k) line.origin[k] = center[k] + p * u[k] + q * w[k];
+struct DoubleBox {
+  explicit DoubleBox(const Aabb& box)
+      : low{box.min.x, box.min.y, box.min.z}, high{box.max.x, box.max.y, box.max.z} {}
+  Double3 low, high;
+};
+
+// A uniform line that meets the box: it enters at a uniform point of the faces, in a direction that
+// is as likely as its cosine with the face's normal.
+Line random_line(Random& random, const DoubleBox& box) {
+  const auto extent = [&](size_t axis) { return box.high[axis] - box.low[axis]; };
+  Double3 faces;
+  for (size_t k = 0; k < 3; ++k) faces[k] = extent((k + 1) % 3) * extent((k + 2) % 3);
+  const double face = random.next() * (faces[0] + faces[1] + faces[2]);
+  const size_t k = face < faces[0] ? 0 : face < faces[0] + faces[1] ? 1 : 2;
+  const size_t a = (k + 1) % 3, b = (k + 2) % 3;
+  const bool from_high = random.next() < 0.5;
+  Line line;
+  line.origin[k] = (from_high ? box.high : box.low)[k];
+  line.origin[a] = box.low[a] + random.next() * extent(a);
+  line.origin[b] = box.low[b] + random.next() * extent(b);
+  const double square = random.next(), phi = 2 * std::numbers::pi * random.next();
+  const double cosine = std::sqrt(1 - square), sine = std::sqrt(square);
+  line.direction[k] = from_high ? -cosine : cosine;
+  line.direction[a] = sine * std::cos(phi);
+  line.direction[b] = sine * std::sin(phi);
   return line;
 }
 
-bool pierces(const Line& line, const Aabb& box) {
-  const double lows[3] = {box.min.x, box.min.y, box.min.z};
-  const double highs[3] = {box.max.x, box.max.y, box.max.z};
+bool pierces(const Line& line, const DoubleBox& box) {
   double near = -HUGE_VAL, far = HUGE_VAL;
-  for (int k = 0; k < 3; ++k) {
-    const double low = lows[k], high = highs[k];
+  for (size_t k = 0; k < 3; ++k) {
     const double inverse = 1 / line.direction[k];
-    double a = (low - line.origin[k]) * inverse, b = (high - line.origin[k]) * inverse;
+    double a = (box.low[k] - line.origin[k]) * inverse,
+           b = (box.high[k] - line.origin[k]) * inverse;
     if (a > b) std::swap(a, b);
     near = std::max(near, a);
     far = std::min(far, b);
@@ -80,32 +92,15 @@ bool pierces(const Line& line, const Aabb& box) {
 double sampled_overlap(const std::vector<Aabb>& boxes, const Aabb& bounds) {
   if (boxes.empty() || area(bounds) == 0) return 0;
   constexpr size_t kLines = 4096, kChunk = 64;
-  Double3 center{};
-  double radius = 0;
-  const double lows[3] = {bounds.min.x, bounds.min.y, bounds.min.z};
-  const double highs[3] = {bounds.max.x, bounds.max.y, bounds.max.z};
-  for (int k = 0; k < 3; ++k) {
-    const double low = lows[k], high = highs[k];
-    center[k] = 0.5 * (low + high);
-    radius += 0.25 * (high - low) * (high - low);
-  }
-  radius = std::sqrt(radius);
-  std::vector<uint64_t> hits(kLines / kChunk), lines(kLines / kChunk);
+  std::vector<uint64_t> hits(kLines / kChunk);
   parallel_chunks(kLines, kChunk, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       Random random(i + 1);
-      const Line line = random_line(random, center, radius);
-      if (!pierces(line, bounds)) continue;
-      ++lines[begin / kChunk];
-      for (const Aabb& box : boxes) hits[begin / kChunk] += pierces(line, box);
+      const Line line = random_line(random, DoubleBox(bounds));
+      for (const Aabb& box : boxes) hits[begin / kChunk] += pierces(line, DoubleBox(box));
     }
   });
-  uint64_t all_hits = 0, all_lines = 0;
-  for (size_t c = 0; c < hits.size(); ++c) {
-    all_hits += hits[c];
-    all_lines += lines[c];
-  }
-  return all_lines ? double(all_hits) / double(all_lines) : 0;
+  return double(std::accumulate(hits.begin(), hits.end(), uint64_t(0))) / double(kLines);
 }
 
 // The weight of explicit connections that leave their cluster, over the cluster's items.
@@ -177,6 +172,7 @@ ClusterMetrics cluster_metrics(const ClusterInput& input, const Clusters& cluste
   if (max_items == 0)
     throw Error(ErrorCode::kInvalidArgument, "max_items must be at least 1, not 0");
   check(input, clusters);
+  cluster::validate_all_boxes(input);
   ClusterMetrics m;
   m.clusters = clusters.ranges.size();
   if (m.clusters == 0) return m;

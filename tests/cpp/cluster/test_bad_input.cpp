@@ -226,6 +226,21 @@ TEST(BisectBadInput, bad_layouts_are_rejected) {
   expect_error(ErrorCode::kInvalidArgument, items.input(), limits(1, 16, 2));
 }
 
+TEST(BisectBadInput, no_metrics_of_boxes_that_are_none) {
+  Items items = random_items(100, 3);
+  const Clusters c = checked(items, limits(4, 16));
+  for (const float wrong : {std::numeric_limits<float>::quiet_NaN(), HUGE_VALF, -HUGE_VALF}) {
+    items.boxes[70].max.y = wrong;
+    try {
+      cluster_metrics(items.input(), c, 16);
+      ADD_FAILURE() << "measured";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ErrorCode::kInvalidMesh);
+      EXPECT_NE(std::string(error.what()).find("item 70"), std::string::npos) << error.what();
+    }
+  }
+}
+
 TEST(BisectBadInput, empty_input_gives_an_empty_result) {
   const Clusters c = build_clusters({}, {});
   EXPECT_TRUE(c.items.empty() && c.ranges.empty() && c.segments.empty());

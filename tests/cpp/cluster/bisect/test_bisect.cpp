@@ -105,6 +105,21 @@ TEST(Bisect, sampled_overlap_agrees_with_the_area_ratio) {
   EXPECT_NEAR(m.overlap, m.surface_area_ratio, 0.05 * m.surface_area_ratio);
 }
 
+// Hardly any line that meets the sphere around a long box meets the box.
+TEST(Bisect, sampled_overlap_agrees_with_the_area_ratio_of_long_and_flat_meshes) {
+  const Items items = random_items(5000, 22);
+  const Clusters c = checked(items, limits(32, 128));
+  for (const Vec3 scale :
+       {Vec3{1e5f, 1, 1}, Vec3{1, 1e3f, 1}, Vec3{1e3f, 1, 1e3f}, Vec3{1, 9, 0}}) {
+    Items stretched = items;
+    for (Aabb& b : stretched.boxes)
+      b = {{b.min.x * scale.x, b.min.y * scale.y, b.min.z * scale.z},
+           {b.max.x * scale.x, b.max.y * scale.y, b.max.z * scale.z}};
+    const ClusterMetrics m = cluster_metrics(stretched.input(), c, 128);
+    EXPECT_NEAR(m.overlap, m.surface_area_ratio, 0.05 * m.surface_area_ratio) << scale.x;
+  }
+}
+
 TEST(Morton, clusters_are_full_and_hold_every_triangle_once) {
   const Mesh mesh = grid(123, 77, 3.0f);
   const Clusters c = cluster_mesh_morton(mesh.view(), limits(1, 100));
