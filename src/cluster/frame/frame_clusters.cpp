@@ -94,18 +94,18 @@ struct Arrays {
 }  // namespace
 
 struct FrameClusterer::State {
+  cluster::CheckedFrameConfig checked;  // first, so that what is refused is not copied
   std::vector<Triangle> source;
   size_t vertices;
-  cluster::CheckedFrameConfig checked;
   uint32_t most;
   Arrays current, next;
   CpuBuffer<uint64_t> now, total;
   bool built = false;
 
   State(std::span<const Triangle> triangles, size_t vertex_count, const FrameClusterConfig& config)
-      : source(triangles.begin(), triangles.end()),
+      : checked(cluster::CheckedFrameConfig::of(config, triangles.size())),
+        source(triangles.begin(), triangles.end()),
         vertices(vertex_count),
-        checked(cluster::CheckedFrameConfig::of(config, triangles.size())),
         most(checked.most_clusters(size())),
         current(size(), most),
         next(size(), most),

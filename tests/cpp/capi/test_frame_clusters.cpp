@@ -153,6 +153,9 @@ TEST(FrameClustersInC, mistakes_are_named) {
   EXPECT_STREQ(
       umbel_last_error(),
       ("triangles is " + std::to_string(many) + ", more than 32-bit indices can name").c_str());
+  // More than can be clustered; not a byte of them is read.
+  EXPECT_EQ(umbel_frame_clusterer_create(wrong, 715'827'883, 9, nullptr, &none),
+            UMBEL_ERROR_UNSUPPORTED);
   const Clusterer c(mesh, nullptr);
   EXPECT_EQ(umbel_frame_clusterer_build(nullptr, as_c(mesh.positions), n, 0, nullptr),
             UMBEL_ERROR_INVALID_ARGUMENT);
