@@ -9,7 +9,8 @@
 namespace umbel::lod {
 
 void DagWriter::reserve(const ClusterSet& finest) {
-  const double levels = 1.05 / (1.0 - double{dag_.config.ratio});
+  // Levels keep somewhat more than the ratio, and more vertices a triangle.
+  const double levels = 1.2 / (1.0 - double{dag_.config.ratio});
   const auto with_levels = [&](size_t count) { return static_cast<size_t>(levels * count); };
   reserve_big(dag_.cluster_vertices, with_levels(finest.vertices.size()));
   reserve_big(dag_.cluster_triangles, with_levels(finest.corners.size()));
