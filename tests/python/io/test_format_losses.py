@@ -235,6 +235,34 @@ def test_maps_of_obj_become_textures_of_gltf(tmp_path: Path) -> None:
         assert np.array_equal(both[..., 2], planes["metal"])
 
 
+def test_maps_of_obj_that_lie_otherwise_than_those_of_their_image_are_named(tmp_path: Path) -> None:
+    planes = {n: np.full((8, 8), k, np.uint8) for k, n in enumerate(("rough", "metal", "mask"))}
+    for name, plane in planes.items():
+        (tmp_path / f"{name}.png").write_bytes(png(plane))
+    (tmp_path / "color.png").write_bytes(png(np.full((8, 8, 3), 9, np.uint8)))
+    (tmp_path / "a.mtl").write_text(
+        "newmtl leaf\nPm 0.25\nmap_Kd color.png\nmap_d -s 2 2 mask.png\nmap_Pr rough.png\n"
+        "map_Pm -clamp on metal.png\n"
+        "newmtl flat\nmap_Kd color.png\nmap_d -s 1 1 mask.png\n"
+    )
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl leaf\n"
+        "f 1/1 2/2 3/3\nusemtl flat\nf 1/1 3/3 2/2\n"
+    )
+    with pytest.warns(umbel.LoadWarning) as caught:
+        umbel.save(tmp_path / "out.glb", umbel.load(tmp_path / "a.obj"))
+    [warning] = caught
+    assert str(warning.message).endswith(
+        "without: the alpha texture of 'leaf', which lies otherwise than the base_color one; "
+        "the metallic texture of 'leaf', which lies otherwise than the roughness one"
+    )
+    leaf, flat = umbel.load(tmp_path / "out.glb").materials
+    assert (leaf.alpha_mode, leaf.metallic, leaf.roughness) == ("OPAQUE", 0.25, 1.0)
+    assert leaf.images["base_color"].data == png(np.full((8, 8, 3), 9, np.uint8))
+    assert np.array_equal(leaf.images["metallic_roughness"].texels()[..., 1], planes["rough"])
+    assert np.array_equal(flat.images["base_color"].texels()[..., 3], planes["mask"])
+
+
 def test_a_mask_in_the_base_color_keeps_its_bytes(tmp_path: Path) -> None:
     texels = np.random.default_rng(4).integers(0, 256, (8, 8, 4), dtype=np.uint8)
     (tmp_path / "leaf.png").write_bytes(png(texels))

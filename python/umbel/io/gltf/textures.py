@@ -23,7 +23,8 @@ _BY_TYPE = {
     "image/vnd-ms.dds": "MSFT_texture_dds",
 }
 SOURCES = frozenset(_BY_TYPE.values())
-_FLIPPED = {"offset": [0, 1], "scale": [1, -1]}
+#: Takes coordinates that count from an image's bottom to those from its top.
+FLIPPED = {"offset": [0, 1], "scale": [1, -1]}
 
 Source = tuple["bytes | None", "Path | None"]
 
@@ -135,7 +136,7 @@ class TextureTable:
             return None
         info = {**given, "index": index}
         if image.bottom_up:
-            own = {**info.get("extensions", {}), "KHR_texture_transform": _FLIPPED}
+            own = {**info.get("extensions", {}), "KHR_texture_transform": FLIPPED}
             info["extensions"] = own
         return info
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from umbel.errors import Error
 from umbel.geometry.mesh import Material
+from umbel.io.gltf.textures import FLIPPED
 from umbel.io.textures.images import TextureImage
 
 _SLOTS = ("alpha", "roughness", "metallic", "specular")
@@ -34,6 +35,12 @@ def packed(material: Material) -> tuple[Material, list[str]]:
     lost: list[str] = []
     if given["specular"] is not None:
         lost.append(f"the specular texture of {material.name!r}")
+    for slot, other in (("alpha", "base_color"), ("metallic", "roughness")):  # in one image
+        both = slot in material.images and other in material.images
+        if both and _place(material, slot) != _place(material, other):
+            what = f"the {slot} texture of {material.name!r}"
+            lost.append(f"{what}, which lies otherwise than the {other} one")
+            given[slot] = None
     try:
         if given["alpha"] is not None:
             _add_mask(out, given["alpha"], material.textures.get("alpha", {}))
@@ -45,6 +52,14 @@ def packed(material: Material) -> tuple[Material, list[str]]:
     except Error as error:
         lost.append(str(error))
     return out, lost
+
+
+def _place(material: Material, slot: str) -> Any:
+    """How texture coordinates address the image of a slot."""
+    image = material.images[slot]
+    extensions = material.textures.get(slot, {}).get("extensions") or {}
+    moved = extensions.get("KHR_texture_transform", FLIPPED if image.bottom_up else None)
+    return moved, image.wrap_u, image.wrap_v
 
 
 def _add_mask(material: Material, mask: TextureImage, info: dict[str, Any]) -> None:
