@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
+from umbel.geometry.arrays import number, whole
 from umbel.geometry.origin import is_far
 
 
@@ -42,8 +43,12 @@ class Camera:
         return replace(self, position=position, target=target)
 
     def view(self) -> _umbel.View:
-        eye = _triple(self.position)
-        return _umbel.view_camera(eye, self.fov_y, self.height, self.pixel_error)
+        return _umbel.view_camera(
+            _triple(self.position),
+            number("a camera's fov_y", self.fov_y),
+            whole("a camera's height", self.height),
+            number("a camera's pixel_error", self.pixel_error),
+        )
 
     def planes(
         self, aspect: float = 1.0, *, near: float = 0.0, far: float = math.inf

@@ -74,8 +74,8 @@ class Asset(HasTables):
 
     @property
     def instances(self) -> list[tuple[int, NDArray[Any]]]:
-        """Which mesh is where: (index, (3, 4) matrix that takes column vectors to the world). None:
-        every mesh once, where it is. In float64 where the asset has an origin."""
+        """Which mesh is where: (index, (3, 4) matrix that takes column vectors to the world). An
+        empty list: every mesh once, where it is. In float64 where the asset has an origin."""
         meshes, rows = self._native.instance_meshes(), self._native.transforms()
         matrices: NDArray[Any] = rows.reshape(-1, 3, 4)
         if self.origin.any():

@@ -146,6 +146,10 @@ def test_a_frustum_leaves_out_what_is_behind(lod: umbel.Lod) -> None:
             umbel.Camera(wrong).view()
         with pytest.raises(umbel.Error, match="must be three numbers, not"):
             umbel.Camera((0, 0, 3), target=wrong).planes()
+    for settings in ({"height": 540.5}, {"height": -1}, {"fov_y": "1"}, {"pixel_error": None}):
+        (name,) = settings
+        with pytest.raises(umbel.Error, match=f"a camera's {name} must be"):
+            umbel.Camera((0, 0, 1), **settings).view()
 
 
 def test_budgets_bound_what_is_drawn(lod: umbel.Lod) -> None:

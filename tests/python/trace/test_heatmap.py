@@ -164,8 +164,8 @@ def test_hidden_materials_have_no_boxes(umbel_command: Umbel, tmp_path: Path) ->
     mesh.materials = [umbel.Material(name=name) for name in ("left", "right")]
     asset, out = tmp_path / "a.umbel", tmp_path / "a.png"
     umbel.build_lod(mesh).save(asset)
-    flags = ("--heatmap", "overlap", "--camera", "0.5,0.5,2:0.5,0.5,0", "--json")
-    flags += ("--width", 64, "--height", 64, "--pixel-error", 0.001)
+    view = ("--camera", "0.5,0.5,2:0.5,0.5,0", "--width", 64, "--height", 64)
+    flags = ("--heatmap", "overlap", "--pixel-error", 0.001, *view, "--json")
 
     def shown(*hide: str) -> Any:
         done = umbel_command("render", asset, "-o", out, *flags, *hide)
