@@ -10,6 +10,7 @@
 #include "bind.hpp"
 #include "io/source/plain_source.hpp"
 #include "lod.hpp"
+#include "lod/build/check_config.hpp"
 #include "scale/build_asset.hpp"
 #include "scale/route_file.hpp"
 #include "scale/run_task.hpp"
@@ -124,6 +125,7 @@ void bind_scale(nb::module_& module) {
           "__init__",
           [](HeldFolder* self, const std::filesystem::path& path, const lod::Config& config,
              uint64_t unit_triangles, const scale::Identity& identity, bool resume) {
+            lod::check_config(lod::with_limits(config));
             scale::Identity all = identity;
             for (auto& field : scale::identity_of(config, scale_of(unit_triangles)))
               all.push_back(std::move(field));

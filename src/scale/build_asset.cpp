@@ -10,6 +10,7 @@
 #include "base/hash.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "lod/build/check_config.hpp"
 #include "scale/taken_positions.hpp"
 #include "scale/vertex_rows.hpp"
 
@@ -157,7 +158,8 @@ Finished build_asset(const io::TriangleSource& source, const AssetBuild& build,
       run_all(executor, tasks, poll);
     };
     const BuiltTiers built = build_tiers(source, build.config, build.scale, folder.path(), tiers);
-    FinishInput input{built.parts, built.units, build.config, built.report, built.source_digest};
+    FinishInput input{built.parts, built.units, lod::with_limits(build.config), built.report,
+                      built.source_digest};
     input.report.input_vertices = build.input_vertices;
     FinishOptions finish_options = build.finish;
     finish_options.contents.origin = built.origin;

@@ -13,6 +13,8 @@
 #include "base/parallel.hpp"
 #include "io/source/checked_source.hpp"
 #include "io/source/plain_source.hpp"
+#include "lod/build/check_config.hpp"
+#include "mesh/streams.hpp"
 #include "scale/build_asset.hpp"
 #include "scale/run_task.hpp"
 #include "umbel/scale.hpp"
@@ -25,7 +27,7 @@ namespace fs = std::filesystem;
 
 constexpr uint64_t kLeastUnit = 1000;
 
-void check(const UnitsConfig& config) {
+void check(const UnitsConfig& config, const io::SourceStreams& streams) {
   const auto refuse = [](const std::string& what) {
     throw Error(ErrorCode::kInvalidArgument, what);
   };
@@ -35,6 +37,10 @@ void check(const UnitsConfig& config) {
   if (config.work.empty()) refuse("a build in units needs a work folder");
   if (!config.contents.meshes.empty() || !config.contents.instances.empty())
     refuse("a build in units makes an asset of one mesh without instances");
+  MeshView mesh;
+  mesh.extras = streams.extras;
+  check_streams(mesh);
+  lod::check_config(mesh, lod::with_limits(config.lod));
 }
 
 bool has_units(const fs::path& work) {
@@ -50,7 +56,7 @@ int status_of(ErrorCode code) { return 10 + static_cast<int>(code); }
 
 UnitsReport build_in_units(const std::filesystem::path& path, const TriangleSource& given,
                            const UnitsConfig& config, const BuildOptions& options) {
-  check(config);
+  check(config, given.streams());
   const io::CheckedSource checked(given);
   const io::PlainSource plain(checked);
   const TriangleSource& source =

@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/refuse.hpp"
+#include "lod/build/check_config.hpp"
 #include "scale/build_partition.hpp"
 #include "scale/join_parts.hpp"
 #include "scale/point_rule.hpp"
@@ -101,6 +103,7 @@ class Tiers {
     built_.report.largest_move = static_cast<float>(measure.largest_move);
     built_.collapsed_triangles = measure.degenerate;
     refuse_collapse(measure);
+    refuse_materials(summary.largest_material);
     partition_ = Partition::from_bytes(passes.partition);
     shards_ = static_cast<uint32_t>((triangles_ + kShardTriangles - 1) / kShardTriangles);
     const io::SourceStreams streams = source_.streams();
@@ -162,6 +165,12 @@ class Tiers {
                     std::to_string(measure.largest_move) +
                     ": the mesh is too large for its finest details; build parts of it that lie "
                     "closer together, or build it as it is with force");
+  }
+
+  void refuse_materials(uint32_t largest) const {
+    if (config_.mix_materials && largest > lod::kMostMixedMaterial)
+      refuse("a triangle has the material " + std::to_string(largest) + ", at most " +
+             std::to_string(lod::kMostMixedMaterial) + " is possible with mix_materials");
   }
 
   double part(uint64_t triangle) const {
@@ -417,9 +426,11 @@ class Tiers {
 
 }  // namespace
 
-BuiltTiers build_tiers(const io::TriangleSource& source, const lod::Config& config,
+BuiltTiers build_tiers(const io::TriangleSource& source, const lod::Config& given,
                        const ScaleConfig& scale, const std::filesystem::path& work,
                        const TierOptions& options) {
+  const lod::Config config = lod::with_limits(given);
+  lod::check_config(config);
   if (config.measured_error)
     throw Error(ErrorCode::kUnsupported,
                 "measured_error needs the whole mesh in memory: leave it out, or build in memory");

@@ -14,7 +14,25 @@ bool is_power_of_two(float value) {
   return value > 0 && std::isfinite(value) && std::frexp(value, &exponent) == 0.5f;
 }
 
-void check_values(const Config& config) {
+// Materials of triangles are kept as floats where clusters mix them.
+void check_materials(const MeshView& mesh, const Config& config) {
+  require(mesh.extras.empty() || mesh.extras.back().kind != ExtraKind::kMaterial,
+          "the extras have a material, which only levels of detail have: give `materials`");
+  if (!config.mix_materials || mesh.materials.empty()) return;
+  require(extra_width(mesh.extras) < kMostExtraValues,
+          "the extras have " + std::to_string(extra_width(mesh.extras)) +
+              " values a vertex, but with mix_materials at most " +
+              std::to_string(kMostExtraValues - 1) + " are possible");
+  for (size_t t = 0; t < mesh.materials.size(); ++t)
+    if (mesh.materials[t] > kMostMixedMaterial)
+      require(false, "triangle " + std::to_string(t) + " has the material " +
+                         std::to_string(mesh.materials[t]) + ", at most " +
+                         std::to_string(kMostMixedMaterial) + " is possible with mix_materials");
+}
+
+}  // namespace
+
+void check_config(const Config& config) {
   require(config.max_triangles >= 4 && config.max_triangles <= 256,
           "max_triangles is " + std::to_string(config.max_triangles) + ", must be in [4, 256]");
   require(config.max_vertices >= 6 && config.max_vertices <= 256,
@@ -55,24 +73,6 @@ void check_values(const Config& config) {
           "max_error is " + std::to_string(config.max_error) + ", must be at least 0");
 }
 
-// Materials of triangles are kept as floats where clusters mix them.
-void check_materials(const MeshView& mesh, const Config& config) {
-  require(mesh.extras.empty() || mesh.extras.back().kind != ExtraKind::kMaterial,
-          "the extras have a material, which only levels of detail have: give `materials`");
-  if (!config.mix_materials || mesh.materials.empty()) return;
-  require(extra_width(mesh.extras) < kMostExtraValues,
-          "the extras have " + std::to_string(extra_width(mesh.extras)) +
-              " values a vertex, but with mix_materials at most " +
-              std::to_string(kMostExtraValues - 1) + " are possible");
-  for (size_t t = 0; t < mesh.materials.size(); ++t)
-    if (mesh.materials[t] > 1u << 24)
-      require(false, "triangle " + std::to_string(t) + " has the material " +
-                         std::to_string(mesh.materials[t]) +
-                         ", at most 16777216 is possible with mix_materials");
-}
-
-}  // namespace
-
 Config with_limits(const Config& config) {
   constexpr uint32_t kMost = 256;  // that bytes can name
   Config result = config;
@@ -82,7 +82,7 @@ Config with_limits(const Config& config) {
 }
 
 void check_config(const MeshView& mesh, const Config& config) {
-  check_values(config);
+  check_config(config);
   check_materials(mesh, config);
 }
 

@@ -5,7 +5,10 @@
 #include <array>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "asset/scratch.hpp"
 #include "umbel/scale.hpp"
@@ -35,9 +38,12 @@ class Given : public TriangleSource {
   explicit Given(TriangleBlock block) : block_(std::move(block)) {}
   uint64_t triangles() const override { return 1; }
   TriangleBlock read(uint64_t, uint64_t) const override { return block_; }
+  SourceStreams streams() const override { return streams_; }
+  void say(SourceStreams streams) { streams_ = std::move(streams); }
 
  private:
   TriangleBlock block_;
+  SourceStreams streams_;
 };
 
 TriangleBlock one_triangle() {
@@ -137,6 +143,44 @@ TEST(BuildInUnits, SettingsOutOfRangeAreRefused) {
   refused([](UnitsConfig& c) { c.memory_bytes = 1000; });
   refused([](UnitsConfig& c) { c.lod.measured_error = true; });
   refused([](UnitsConfig& c) { c.contents.instances = {{0, {}}}; });
+  refused([](UnitsConfig& c) { c.lod.max_triangles = 257; });
+  refused([](UnitsConfig& c) { c.lod.ratio = std::numeric_limits<float>::quiet_NaN(); });
+}
+
+TEST(BuildInUnits, SetsThatNoMeshCanHaveAreRefused) {
+  const Scratch scratch;
+  Given source(one_triangle());
+  for (const std::vector<Extra>& extras : std::vector<std::vector<Extra>>{
+           {{ExtraKind::kUvs, 2}, {ExtraKind::kUvs, 1}}, {{ExtraKind::kMaterial, 0}}}) {
+    SourceStreams streams;
+    streams.extras = extras;
+    source.say(streams);
+    EXPECT_THROW(build_in_units(scratch / "a.umbel", source, config_in(scratch / "work")), Error);
+    EXPECT_FALSE(std::filesystem::exists(scratch / "work"));
+  }
+}
+
+TEST(BuildInUnits, LimitsOfZeroAreNone) {
+  const Scratch scratch;
+  const Mesh mesh = shapes::blob(5, 1);
+  for (const uint32_t limit : {0u, 256u}) {
+    UnitsConfig config = config_in(scratch / "work");
+    config.lod.max_triangles = config.lod.max_vertices = limit;
+    build_in_units(scratch / std::to_string(limit), *source_of(mesh.view()), config);
+  }
+  EXPECT_EQ(bytes_of(scratch / "0"), bytes_of(scratch / "256"));
+}
+
+TEST(BuildInUnits, MaterialsThatMixedClustersCannotKeepAreRefused) {
+  const Scratch scratch;
+  Mesh mesh = shapes::sphere(3);
+  mesh.materials.assign(mesh.triangles.size(), 1u << 24);
+  mesh.materials[1] += 1;
+  UnitsConfig config = config_in(scratch / "work");
+  config.lod.mix_materials = true;
+  EXPECT_THROW(build_in_units(scratch / "a.umbel", *source_of(mesh.view()), config), Error);
+  mesh.materials[1] -= 1;
+  build_in_units(scratch / "a.umbel", *source_of(mesh.view()), config);
 }
 
 TEST(BuildInUnits, WorkersProgramSaysWhatIsWrong) {

@@ -260,6 +260,22 @@ def test_input_at_fault_leaves_no_folder(terrain: Path, tmp_path: Path) -> None:
     umbel.build_asset(broken, output, unit_triangles=UNIT)
 
 
+@pytest.mark.parametrize(
+    "setting",
+    [{"max_triangles": 257}, {"max_error": float("nan")}, {"group_size": (8, 4)}],
+    ids=str,
+)
+def test_settings_out_of_range_are_refused_as_in_memory(
+    setting: dict[str, Any], terrain: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(umbel.Error) as in_memory:
+        umbel.build_lod(terrain, **setting)
+    with pytest.raises(umbel.Error) as in_units:
+        umbel.build_asset(terrain, tmp_path / "a.umbel", unit_triangles=UNIT, **setting)
+    assert str(in_units.value) == str(in_memory.value)
+    assert os.listdir(tmp_path) == []
+
+
 def test_blocks_build_what_the_file_does(terrain: Path, tmp_path: Path) -> None:
     mesh = umbel.load(terrain)
     half = len(mesh.triangles) // 2
