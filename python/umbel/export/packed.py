@@ -40,6 +40,7 @@ class PackedArrays:
         self.accessors: list[Json] = []
         self.chunks: list[bytes] = []
         self.size = self.plain_size = 0
+        self._blobs: dict[bytes, int] = {}
 
     def buffers(self) -> list[Json]:
         """The buffer of the file, and that which decoders fill."""
@@ -50,10 +51,12 @@ class PackedArrays:
         )
 
     def blob(self, data: bytes) -> int:
-        """A view of bytes as they are."""
-        self.views.append({"buffer": 0, "byteOffset": self.size, "byteLength": len(data)})
-        self._append(data)
-        return len(self.views) - 1
+        """A view of bytes as they are, the same one for equal bytes."""
+        if data not in self._blobs:
+            self._blobs[data] = len(self.views)
+            self.views.append({"buffer": 0, "byteOffset": self.size, "byteLength": len(data)})
+            self._append(data)
+        return self._blobs[data]
 
     def _append(self, data: bytes) -> None:
         padded = data + b"\0" * (-len(data) % 4)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import umbel
 from helpers.gltf_files import json_of, validator_errors
+from umbel.io.textures.images import TextureImage
 
 
 @pytest.fixture(scope="module")
@@ -83,3 +87,21 @@ def test_what_fails_leaves_nothing(
     with pytest.raises(umbel.Error, match="too many for one"):
         umbel.export_glb(asset, tmp_path / "a.glb")
     assert not list(tmp_path.iterdir())
+
+
+def test_an_image_of_several_materials_is_stored_once(tmp_path: Path) -> None:
+    out = io.BytesIO()
+    Image.new("RGB", (2, 2), (1, 2, 3)).save(out, "PNG")
+    image = TextureImage(out.getvalue())
+    slots = {"metallic_roughness": image, "occlusion": image}
+    materials = [umbel.Material(name=name, images=slots) for name in ("a", "b")]
+    mesh = umbel.shapes.grid(4, 4)
+    ids = np.arange(len(mesh.triangles), dtype=np.uint32) % 2
+    textured = replace(mesh, uvs=mesh.positions[:, :2], material_ids=ids, materials=materials)
+    umbel.build_lod(textured).save(tmp_path / "a.umbel")
+    umbel.export_glb(tmp_path / "a.umbel", tmp_path / "a.glb")
+    root = json_of(tmp_path / "a.glb")
+    assert len(root["images"]) == len(root["textures"]) == 1
+    read = umbel.load(tmp_path / "a.glb").materials
+    assert [len(m.images) for m in read if m.name != "default"] == [2, 2]
+    assert (tmp_path / "a.glb").read_bytes().count(out.getvalue()) == 1
