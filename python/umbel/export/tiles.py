@@ -24,7 +24,7 @@ from umbel.export.tileset import implicit_error, subtrees, tileset
 from umbel.geometry.arrays import thread_count, whole
 from umbel.geometry.repair import Progress
 from umbel.io.gltf.material_table import MaterialTable
-from umbel.io.textures.packed import packed
+from umbel.io.textures.packed import Made, packed
 from umbel.lod.asset import Asset
 from umbel.replacing import folder_to_make
 
@@ -294,8 +294,9 @@ class _Writer:
         """The materials; their images become files that all tiles share."""
         lost: list[str] = []
         given = []
+        made: Made = {}
         for material in material_list(self.source):
-            ours, gone = packed(material)
+            ours, gone = packed(material, made)
             given.append(ours)
             lost += gone
         MaterialTable(self._keep_image, given, lost).write()

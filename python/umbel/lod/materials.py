@@ -21,7 +21,7 @@ from umbel.io.gltf.materials import (
 from umbel.io.gltf.textures import Source, TextureReader, TextureTable
 from umbel.io.textures.images import TextureImage, beside, mime_type
 from umbel.io.textures.levels import add_levels
-from umbel.io.textures.packed import packed
+from umbel.io.textures.packed import Made, packed
 from umbel.plain_json import encode
 
 Json = dict[str, Any]
@@ -72,8 +72,9 @@ def write_materials(
     table = TextureTable(files.store)
     reference = None if textures == "none" else table.info
     written = []
+    made: Made = {}
     for material in materials:
-        ours, lost = packed(material) if reference else (material, [])
+        ours, lost = packed(material, made) if reference else (material, [])
         files.lost |= dict.fromkeys(lost)
         written.append(write_material(ours, reference))
     root: Json = {"materials": written, **table.root}

@@ -16,7 +16,7 @@ from umbel import _umbel
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Material, Mesh
 from umbel.io.textures.images import TextureImage
-from umbel.io.textures.packed import packed
+from umbel.io.textures.packed import Made, packed
 from umbel.trace.shading_layers import NO_TEXTURE, SRGB_TEXTURES, Use, add_layers, not_rendered
 
 #: Up, and the front from which azimuths count: glTF's and OBJ's axes, and those of CAD and maps.
@@ -135,8 +135,9 @@ class Shading:
         self._uv_sets = 0 if mesh.uvs is None else 1 + len(mesh.uv_sets)
         if mesh.material_ids is None:
             return  # the tracer's own plain material
+        made: Made = {}
         for given in mesh.materials:
-            material, lost = packed(given)
+            material, lost = packed(given, made)
             self.materials.append(self._material(material))
             for what in lost:
                 self._say(f"not rendered: {what}")

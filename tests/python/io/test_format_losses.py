@@ -13,6 +13,7 @@ from PIL import Image
 import umbel
 from helpers.meshes import linear
 from umbel.io.textures.images import TextureImage
+from umbel.io.textures.packed import Made, packed
 
 
 def png(array: np.ndarray) -> bytes:
@@ -261,6 +262,22 @@ def test_maps_of_obj_that_lie_otherwise_than_those_of_their_image_are_named(tmp_
     assert leaf.images["base_color"].data == png(np.full((8, 8, 3), 9, np.uint8))
     assert np.array_equal(leaf.images["metallic_roughness"].texels()[..., 1], planes["rough"])
     assert np.array_equal(flat.images["base_color"].texels()[..., 3], planes["mask"])
+
+
+def test_materials_of_the_same_maps_have_an_image_that_is_made_once(tmp_path: Path) -> None:
+    for name in ("color", "mask", "rough"):
+        (tmp_path / f"{name}.png").write_bytes(png(np.full((4, 4), 9, np.uint8)))
+    maps = "map_Kd color.png\nmap_d mask.png\nmap_Pr rough.png\n"
+    (tmp_path / "a.mtl").write_text(f"newmtl a\n{maps}newmtl b\nPm 1\n{maps}")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n"
+        "usemtl b\nf 1/1 3/1 2/1\n"
+    )
+    made: Made = {}
+    a, b = (packed(one, made)[0] for one in umbel.load(tmp_path / "a.obj").materials)
+    assert (a.metallic, b.metallic, a.alpha_mode, b.alpha_mode) == (0, 1, "MASK", "MASK")
+    for slot in ("base_color", "metallic_roughness"):
+        assert a.images[slot] is b.images[slot]
 
 
 def test_a_mask_in_the_base_color_keeps_its_bytes(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from umbel.io.gltf.arrays import Json
 from umbel.io.gltf.materials import CLAMPED, is_clamped, texture_sets, write_material
 from umbel.io.gltf.textures import TextureTable
 from umbel.io.textures.images import TextureImage, decode, mime_type
-from umbel.io.textures.packed import packed
+from umbel.io.textures.packed import Made, packed
 
 
 class MaterialTable:
@@ -34,8 +34,9 @@ class MaterialTable:
 
     def write(self) -> None:
         self.lost += [CLAMPED] if any(map(is_clamped, self.materials)) else []
+        made: Made = {}
         for k, material in enumerate(self.materials):
-            self.materials[k], lost = packed(material)
+            self.materials[k], lost = packed(material, made)
             self.lost += lost
             self.entries.append(write_material(self.materials[k], self.table.info))
 

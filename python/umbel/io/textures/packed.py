@@ -23,10 +23,16 @@ _CUT_OUT = 0.9
 Texels = NDArray[np.uint8]
 
 
-def packed(material: Material) -> tuple[Material, list[str]]:
-    """The material with textures in glTF's slots alone, and what these cannot hold."""
+Made = dict[Any, Any]
+"""Images that were made of others, by these."""
+
+
+def packed(material: Material, made: Made | None = None) -> tuple[Material, list[str]]:
+    """The material with textures in glTF's slots alone, and what these cannot hold. `made`: for
+    further materials, which may have the same textures."""
     if not any(slot in material.images for slot in _SLOTS):
         return material, []
+    made = {} if made is None else made
     images, textures = dict(material.images), dict(material.textures)
     given = {slot: images.pop(slot, None) for slot in _SLOTS}
     for slot in _SLOTS:
@@ -43,12 +49,12 @@ def packed(material: Material) -> tuple[Material, list[str]]:
             given[slot] = None
     try:
         if given["alpha"] is not None:
-            _add_mask(out, given["alpha"], material.textures.get("alpha", {}))
+            _add_mask(out, given["alpha"], material.textures.get("alpha", {}), made)
     except Error as error:
         lost.append(str(error))
     try:
         if given["roughness"] is not None or given["metallic"] is not None:
-            _add_metal(out, material, given["roughness"], given["metallic"])
+            _add_metal(out, material, given["roughness"], given["metallic"], made)
     except Error as error:
         lost.append(str(error))
     return out, lost
@@ -62,41 +68,63 @@ def _place(material: Material, slot: str) -> Any:
     return moved, image.wrap_u, image.wrap_v
 
 
-def _add_mask(material: Material, mask: TextureImage, info: dict[str, Any]) -> None:
-    base = material.images.get("base_color")
+def _add_mask(material: Material, mask: TextureImage, info: dict[str, Any], made: Made) -> None:
+    key = "mask", material.images.get("base_color"), mask
+    if key not in made:
+        made[key] = _masked(*key[1:])
+    material.images["base_color"], mode = made[key]
+    material.textures.setdefault("base_color", info)
+    if material.alpha_mode == "OPAQUE":
+        material.alpha_mode = mode
+
+
+def _masked(base: TextureImage | None, mask: TextureImage) -> tuple[TextureImage, str]:
+    """An image with a mask as its alpha, and how that is blended."""
     texels = mask.texels()
     if base is not None and (base.path, base.data) == (mask.path, mask.data):
-        alpha = texels[..., 3]
+        alpha, image = texels[..., 3], base
     else:
         alpha = texels[..., 3] if int(texels[..., 3].min()) < 255 else texels[..., 0]
         size = alpha.shape if base is None else np.maximum(alpha.shape, base.texels().shape[:2])
         color = np.full((*size, 3), 255, np.uint8)
         if base is not None:
             color = _sized(base.texels(), tuple(size))[..., :3]
-        whole = np.dstack([color, _sized(alpha, tuple(size))])
-        material.images["base_color"] = _png(whole, base or mask)
-        material.textures.setdefault("base_color", info)
-    if material.alpha_mode == "OPAQUE" and int(alpha.min()) < 255:
-        clear = ((alpha < _NEAR) | (alpha > 255 - _NEAR)).mean()
-        material.alpha_mode = "MASK" if clear > _CUT_OUT else "BLEND"
+        image = _png(np.dstack([color, _sized(alpha, tuple(size))]), base or mask)
+    if int(alpha.min()) == 255:
+        return image, "OPAQUE"
+    clear = ((alpha < _NEAR) | (alpha > 255 - _NEAR)).mean()
+    return image, "MASK" if clear > _CUT_OUT else "BLEND"
 
 
 def _add_metal(
-    out: Material, material: Material, rough: TextureImage | None, metal: TextureImage | None
+    out: Material,
+    material: Material,
+    rough: TextureImage | None,
+    metal: TextureImage | None,
+    made: Made,
 ) -> None:
     """In OBJ a map replaces the factor, in glTF they are multiplied."""
+    key = "metal", rough, metal
+    if key not in made:
+        made[key] = _rough_metal(rough, metal)
+    out.roughness = material.roughness if rough is None else 1.0
+    out.metallic = material.metallic if metal is None else 1.0
+    out.images["metallic_roughness"] = made[key]
+    slot = "metallic" if rough is None else "roughness"
+    out.textures["metallic_roughness"] = material.textures.get(slot, {})
+
+
+def _rough_metal(rough: TextureImage | None, metal: TextureImage | None) -> TextureImage:
+    """The channels of both images in one."""
     planes = [None if image is None else image.texels()[..., 0] for image in (rough, metal)]
     size = np.max([plane.shape for plane in planes if plane is not None], axis=0)
     texels = np.full((*size, 3), 255, np.uint8)
     for channel, plane in enumerate(planes):
         if plane is not None:
             texels[..., channel + 1] = _sized(plane, tuple(size))
-    out.roughness = material.roughness if rough is None else 1.0
-    out.metallic = material.metallic if metal is None else 1.0
-    slot, image = ("roughness", rough) if rough is not None else ("metallic", metal)
+    image = rough or metal
     assert image is not None
-    out.images["metallic_roughness"] = _png(texels, image)
-    out.textures["metallic_roughness"] = material.textures.get(slot, {})
+    return _png(texels, image)
 
 
 def _sized(texels: Texels, size: tuple[int, ...]) -> Texels:
