@@ -6,7 +6,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from umbel.export.tileset import implicit_error, subtrees, tileset
 from umbel.geometry.arrays import thread_count, whole
 from umbel.geometry.repair import Progress
 from umbel.io.gltf.material_table import MaterialTable
+from umbel.io.textures.images import TextureImage
 from umbel.io.textures.packed import Made, packed
 from umbel.lod.asset import Asset
 from umbel.replacing import folder_to_make
@@ -295,9 +296,11 @@ class _Writer:
         lost: list[str] = []
         given = []
         made: Made = {}
+        files: dict[Path, bytes] = {}
         for material in material_list(self.source):
             ours, gone = packed(material, made)
-            given.append(ours)
+            images = {slot: _in_memory(image, files) for slot, image in ours.images.items()}
+            given.append(replace(ours, images=images))
             lost += gone
         MaterialTable(self._keep_image, given, lost).write()
         if lost:
@@ -318,3 +321,18 @@ class _Writer:
             file.writelines(chunks)
         self.files += 1
         self.bytes += sum(len(chunk) for chunk in chunks)
+
+
+def _in_memory(image: TextureImage, files: dict[Path, bytes]) -> TextureImage:
+    """The image with the bytes of its file, which every tile would read again; `files` are those
+    that are known. It stays as it is where there is no such file."""
+    if image.fallback is not None:
+        image = replace(image, fallback=_in_memory(image.fallback, files))
+    if image.path is None:
+        return image
+    try:
+        if image.path not in files:
+            files[image.path] = image.encoded()
+    except Error:
+        return image
+    return replace(image, data=files[image.path], path=None)

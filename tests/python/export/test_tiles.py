@@ -315,6 +315,28 @@ def test_materials_and_textures_are_kept_and_images_shared(tmp_path: Path) -> No
     assert seen == {("red", False), ("cloth", True)}
 
 
+def test_files_of_images_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.png").write_bytes(PICTURE)
+    images = {"base_color": TextureImage(path=tmp_path / "a.png")}
+    images["occlusion"] = images["emissive"] = images["base_color"]
+    mesh = umbel.shapes.terrain(40, 40, seed=1)
+    mesh.uvs = mesh.positions[:, :2].copy()
+    mesh.materials = [umbel.Material(name="a", images=images)]
+    mesh.material_ids = np.zeros(len(mesh.triangles), np.uint32)
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel", textures="external")
+    read: list[Path] = []
+
+    def counted(path: Path) -> bytes:
+        read.append(path)
+        return path.read_bytes()
+
+    monkeypatch.setattr("umbel.io.textures.images.read_bytes", counted)
+    report = umbel.export_tiles(tmp_path / "a.umbel", tmp_path / "t", tile_triangles=300)
+    assert report.tiles > 4
+    assert len(read) == 1
+    assert (tmp_path / "t/textures/0.png").read_bytes() == PICTURE
+
+
 def test_instances_are_drawn_where_they_are(tmp_path: Path) -> None:
     blob, torus = umbel.shapes.blob(4, seed=1), umbel.shapes.torus(24, 12)
     mirror = np.diag([-2.0, 1, 1, 1])
