@@ -39,6 +39,7 @@ from umbel.scale.storage import (
     put_file,
     scratch,
     sha256_of,
+    write_file,
 )
 from umbel.scale.watched_files import WatchedFiles
 
@@ -203,6 +204,7 @@ def build_with(
         if staging:
             staging.close()
         raise
+    is_read = False
     try:
         if allow_outside and any(is_address(file) for file in place.files):
             raise Error("allow_outside is of files; an address's folder is never left")
@@ -246,11 +248,13 @@ def build_with(
             said[key] = {**said[key], **value} if key == "source" else value
         if opened.coordinates:
             said["coordinates"] = opened.coordinates
+        encode(said)  # what is no JSON is refused before anything is built
 
         def metadata_of(finished: dict[str, Any]) -> str:
             report = {k: v for k, v in finished["report"].items() if k != "seconds"}
             return encode({**said, "report": report})
 
+        is_read = True
         finished = _umbel.build_units(
             folder,
             opened.triangles,
@@ -286,16 +290,19 @@ def build_with(
         if staging:
             staging.remove()
         place.remove()
-    except Error as error:
+    except Exception as error:
         # Of an input or an argument at fault nothing is worth keeping: once that is mended, it
-        # could not be resumed.
+        # could not be resumed. What a callback raises only stops the build.
         begun = folder.is_resumed or any(folder_path.glob("t0/unit/*.done"))
-        if not begun and error.code not in ("io", "cancelled"):
+        is_fault = (
+            error.code not in ("io", "cancelled") if isinstance(error, Error) else not is_read
+        )
+        if is_fault and not begun:
             folder.remove()
             if staging:
                 staging.remove()
             place.remove()
-        if _LOST in str(error) and len(place.files) == 1:
+        if isinstance(error, Error) and _LOST in str(error) and len(place.files) == 1:
             named = Error(f"{place.files[0]}: {error}")
             named.code = error.code
             raise named from None
@@ -394,16 +401,9 @@ def _command(threads: int) -> list[str]:
 
 def _stored(images: Sequence[bytes], folder: Path) -> list[Path]:
     """A file of each image."""
-    paths: list[Path] = []
-    folder.mkdir(exist_ok=True)
-    for data in images:
-        paths.append(folder / f"image{len(paths)}")
-        try:
-            paths[-1].write_bytes(data)
-        except OSError as error:
-            stopped = Error(f"cannot write {paths[-1]}: {error.strerror or error}")
-            stopped.code = "io"
-            raise stopped from None
+    paths = [folder / f"image{number}" for number in range(len(images))]
+    for path, data in zip(paths, images, strict=True):
+        write_file(path, data)
     return paths
 
 
@@ -452,7 +452,7 @@ def _is_same_input(source: Source, path: Path, is_resumed: bool) -> bool:
         except (OSError, ValueError):
             return False
     if not is_resumed:
-        path.write_text(json.dumps(stamp))
+        write_file(path, json.dumps(stamp).encode())
     return False
 
 

@@ -12,7 +12,7 @@ from umbel.errors import Error
 from umbel.io.blocks import Source
 from umbel.io.blocks.layout import again
 from umbel.scale.executor import SOURCE
-from umbel.scale.storage import fetch_file, is_address
+from umbel.scale.storage import fetch_file, is_address, write_file
 
 #: Triangles of a stretch that is sorted at once (src/scale/route.hpp).
 _STRETCH = 2 << 20
@@ -36,9 +36,7 @@ def write_recipe(source: Source, names: Sequence[str], folder: Path, is_staged: 
         files = [given.get(file, file) for file in files]
         if not all(is_address(file) for file in files) or max(sizes, default=0) > _LARGEST:
             return False
-    path = folder / SOURCE
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({**recipe, "files": files, "sizes": sizes}))
+    write_file(folder / SOURCE, json.dumps({**recipe, "files": files, "sizes": sizes}).encode())
     return True
 
 

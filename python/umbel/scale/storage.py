@@ -135,12 +135,35 @@ def check_writable(url: str) -> None:
         system.rm_file(probe)
 
 
+def make_folder(path: Path, mode: int = 0o777) -> None:
+    """A folder of this machine, with those above it; it may be there."""
+    try:
+        path.mkdir(mode, parents=True, exist_ok=True)
+    except OSError as error:
+        raise _stopped(f"cannot make the folder {path}", error) from None
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """A small file of a work folder on this machine."""
+    make_folder(path.parent)
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise _stopped(f"cannot write {path}", error) from None
+
+
+def _stopped(what: str, error: OSError) -> Error:
+    said = Error(f"{what}: {error.strerror or error}")
+    said.code = "io"
+    return said
+
+
 def scratch(url: str) -> Path:
     """The folder of this machine that stands for an address, the same at every start. Made if it is
     not there."""
     name = hashlib.blake2b(url.rstrip("/").encode(), digest_size=8).hexdigest()
     path = Path(tempfile.gettempdir()) / f"umbel-{name}"
-    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    make_folder(path, 0o700)
     # Anybody can guess the name, and temporary files may be in a folder that all can write to.
     if path.is_symlink() or (hasattr(os, "getuid") and path.stat().st_uid != os.getuid()):
         raise Error(f"{path} is somebody else's: set TMPDIR to a folder of your own")

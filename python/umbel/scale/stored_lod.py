@@ -18,7 +18,7 @@ from umbel.io.files import replacing
 from umbel.lod.asset import Asset
 from umbel.replacing import behind_links, beside
 from umbel.scale.build_asset import build_with
-from umbel.scale.storage import as_path, is_address
+from umbel.scale.storage import as_path, is_address, make_folder
 
 
 class StoredLod(Asset):
@@ -88,8 +88,11 @@ def build_stored(
     # What is made at an address is read here.
     local = None if work is None or is_address(work) else Path(as_path(work))
     if local:
-        local.mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(prefix="umbel-", dir=local))
+        make_folder(local)
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="umbel-", dir=local))
+    except OSError as error:
+        raise Error(f"cannot make a temporary folder: {error}") from None
     try:
         source = _source(mesh)
         name = source.name if isinstance(source, Mesh) else ""

@@ -18,6 +18,7 @@ import pytest
 import umbel
 from umbel.io.textures.images import TextureImage
 from umbel.scale.build_asset import build_asset
+from umbel.scale.executor import InProcess
 from umbel.scale.memory import is_too_large
 from umbel.testing import giant
 
@@ -258,6 +259,39 @@ def test_input_at_fault_leaves_no_folder(terrain: Path, tmp_path: Path) -> None:
         assert os.listdir(tmp_path) == ["mesh.ply"]
     broken.write_bytes(data)
     umbel.build_asset(broken, output, unit_triangles=UNIT)
+
+
+def test_blocks_that_end_in_an_exception_leave_no_folder(tmp_path: Path) -> None:
+    def blocks(error: Exception) -> Any:
+        yield np.eye(3), [[0, 1, 2]]
+        raise error
+
+    for error in (OSError("no third tile"), RuntimeError("no third tile")):
+        with pytest.raises(type(error), match=r"^no third tile$"):
+            build_asset(blocks(error), tmp_path / "a.umbel")
+        assert os.listdir(tmp_path) == []
+
+
+def test_metadata_that_is_no_json_is_refused_before_units_are_built(
+    terrain: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(TypeError):
+        build_asset(terrain, tmp_path / "a.umbel", metadata={"made": object()})
+    assert os.listdir(tmp_path) == []
+
+
+def test_files_of_the_work_folder_that_cannot_be_written_are_named(
+    terrain: Path, tmp_path: Path
+) -> None:
+    for name in ("source_stamp", "t0/source.json"):
+        work = tmp_path / name.replace("/", "-")
+        (work / name).mkdir(parents=True)
+        with pytest.raises(umbel.Error, match=f"cannot write .*{name}: Is a directory") as caught:
+            build_asset(terrain, tmp_path / "a.umbel", work=work, executor=InProcess())
+        assert caught.value.code == "io"
+    (tmp_path / "file").touch()
+    with pytest.raises(umbel.Error, match=r"cannot make the folder .*file: File exists"):
+        umbel.build_lod(terrain, work=tmp_path / "file")
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,11 @@ def spool(layout: Layout, blocks: Iterable[Any], name: str) -> None:
     first = next(rows, None)
     while first is not None:
         streams = streams or list(first[0])
-        first = _spool_part(layout, first, rows, name, streams)
+        try:
+            first = _spool_part(layout, first, rows, name, streams)
+        except _NoBlock as failed:
+            assert failed.__cause__
+            raise failed.__cause__ from None
 
 
 def spool_mesh(layout: Layout, mesh: Mesh, name: str) -> None:
@@ -53,6 +57,10 @@ def _numbered(ids: NDArray[np.uint32], numbers: NDArray[np.uint32]) -> NDArray[n
     has = ids < len(numbers)
     out[has] = numbers[ids[has]]
     return out
+
+
+class _NoBlock(Exception):
+    """An OSError of whoever gives the blocks: no file that is written is at fault."""
 
 
 Rows = tuple[dict[str, NDArray[Any]], NDArray[np.uint32], NDArray[np.uint32] | None]
@@ -131,6 +139,13 @@ def _rows(values: Any, width: int, what: str) -> NDArray[Any]:
     return array
 
 
+def _next(rows: Iterator[Rows]) -> Rows | None:
+    try:
+        return next(rows, None)
+    except OSError as error:
+        raise _NoBlock from error
+
+
 def _spool_part(
     layout: Layout,
     first: Rows,
@@ -168,7 +183,7 @@ def _spool_part(
                 faces.write(out.tobytes())
             counts[0] += len(arrays["positions"])
             counts[1] += len(triangles)
-            rest = next(more, None)
+            rest = _next(more)
     columns: dict[str, Column] = {}
     extras: list[Extra] = []
     table = layout.add_table(layout.add_file(paths[0]), 0, vertex.itemsize, counts[0])
