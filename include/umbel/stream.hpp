@@ -90,8 +90,8 @@ struct StreamCluster {
 };
 
 struct StreamStep {
-  /// The largest error shown, in units of what its view allows, within two per cent. 1 or less if
-  /// nothing is missing.
+  /// The largest error of missing groups, in units of what their view allows, within two per cent.
+  /// 0 if nothing is missing.
   float worst_error = 0;
   uint32_t open_groups = 0, missing_groups = 0;
   uint32_t loaded = 0, evicted = 0, requested = 0, cancelled = 0;

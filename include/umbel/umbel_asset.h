@@ -113,7 +113,7 @@ typedef struct umbel_stream_view {
 
 typedef struct umbel_stream_step {
   uint32_t struct_size;
-  float worst_error;  ///< in units of what its view allows; at most 1 if nothing is missing
+  float worst_error;  ///< in units of what its view allows; 0 if nothing is missing
   uint32_t open_groups, missing_groups, loaded, evicted, requested, cancelled;
   uint64_t resident_bytes;
   uint64_t failures;   ///< of loads, in all steps

@@ -83,8 +83,8 @@ class Residency:
         aspect: width over height of the cameras' pictures; what lies outside them is then shown as
             coarse as it may be. None: they see all around.
         now: seconds on any clock that does not run backwards; None: the machine's.
-        Returns `worst_error` (how many times larger than asked for the largest error shown is, at
-        most 1 where nothing is missing), `open_groups missing_groups loaded evicted requested
+        Returns `worst_error` (how many times larger than asked for the largest error shown is; 0
+        where nothing is missing), `open_groups missing_groups loaded evicted requested
         cancelled evaluated`, `caught_up` (false: there were more groups to look at than
         `groups_per_step`), and `seconds` of processor time.
         """

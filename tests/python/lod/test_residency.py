@@ -334,7 +334,7 @@ def test_residency_over_a_server_comes_to_the_ideal_cut(server: str) -> None:
         if step["missing_groups"] == 0:
             break
         time.sleep(0.005)
-    assert step["worst_error"] <= 1
+    assert step["worst_error"] == 0
     assert np.array_equal(residency.cut(), asset.cut(error=error))
     said = residency.statistics
     assert said["resident_pages"] == len(residency.resident_pages)
