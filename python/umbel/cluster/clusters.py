@@ -219,9 +219,14 @@ def _by_normals(
 def _built(
     arrays: dict[str, Any], config: Any, progress: Progress | None, threads: int
 ) -> Clusters:
+    segments = arrays.get("segments")
+    none = segments is not None and not len(segments)
+    if none:  # for the library that would be one of everything
+        arrays = {**arrays, "segments": np.zeros((1, 2), np.uint32)}
     given = _umbel.ClusterInput(**arrays)
-    made = _umbel.build_clusters(given, config, progress, thread_count(threads))
-    return Clusters(*made, partial(_metrics, arrays, *made[:2], config.max_items))
+    items, ranges, made = _umbel.build_clusters(given, config, progress, thread_count(threads))
+    measure = partial(_metrics, arrays, items, ranges, config.max_items)
+    return Clusters(items, ranges, made[:0] if none else made, measure)
 
 
 @dataclass(frozen=True)
@@ -318,13 +323,16 @@ def cluster_boxes(mesh: Any, clusters: Clusters) -> NDArray[np.float32]:
     """(k, 6) the boxes of clusters of a mesh's triangles: least and greatest corners, relative to
     the mesh's origin."""
     source = as_mesh(mesh)
-    items, offsets = clusters.items, clusters.offsets
     check_triangles(clusters, source)
     if not len(clusters):
         return np.zeros((0, 6), np.float32)
-    corners = source.positions[source.triangles[items]]
-    low = np.minimum.reduceat(corners.min(axis=1), offsets[:-1])
-    high = np.maximum.reduceat(corners.max(axis=1), offsets[:-1])
+    begins, sizes = clusters.ranges.astype(np.int64).T
+    starts = np.cumsum(sizes) - sizes
+    # Segments may be in any order, and leave items out.
+    places = np.arange(sizes.sum()) + np.repeat(begins - starts, sizes)
+    corners = source.positions[source.triangles[clusters.items[places]]]
+    low = np.minimum.reduceat(corners.min(axis=1), starts)
+    high = np.maximum.reduceat(corners.max(axis=1), starts)
     return np.hstack([low, high]).astype(np.float32, copy=False)
 
 
@@ -374,7 +382,8 @@ def build_clusters(
         have no indices; all pairs that share a vertex must be connected, in both directions.
     item_vertices: (n, v) vertex indices of each item, which max_vertices and
         shared_vertex_weight need.
-    segments: (s, 2) offset and count of item ranges that are clustered each by itself.
+    segments: (s, 2) offset and count of item ranges that are clustered each by itself; all items
+        are one where None.
     The limits and penalties are those of `cluster_mesh`.
     """
     config = _config(
@@ -422,6 +431,8 @@ def _connection_arrays(
 ) -> dict[str, Any]:
     if connections is None:
         return {}
+    if not isinstance(connections, (tuple, list)) or len(connections) != 3:
+        raise Error(f"connections must be (offsets, targets, weights), not {connections!r}")
     offsets, targets, weights = connections
     starts = indices("connections: offsets", offsets)
     if len(starts) < 1 or (starts[1:] < starts[:-1]).any():

@@ -8,7 +8,15 @@ import numpy as np
 
 from umbel import _umbel
 from umbel.cluster.area_growth import AreaGrowth, RebuildPolicy
-from umbel.geometry.arrays import as_mesh, indices, rows, thread_count, whole
+from umbel.geometry.arrays import (
+    as_mesh,
+    indices,
+    number,
+    numbers,
+    rows,
+    thread_count,
+    whole,
+)
 from umbel.geometry.origin import origin_of
 
 if TYPE_CHECKING:
@@ -47,11 +55,11 @@ class FrameClusters:
         self._native = _umbel.FrameClusterer(
             indices("triangles", source.triangles, 3),
             len(source.positions),
-            method,
+            str(method),
             whole("max_triangles", max_triangles),
             whole("min_triangles", min_triangles),
             whole("max_vertices", max_vertices),
-            underfill_cost,
+            number("underfill_cost", underfill_cost),
             whole("code_bits", code_bits),
         )
         self.build(source.world_positions if self.origin.any() else source.positions)
@@ -122,6 +130,7 @@ class FrameClusters:
         return _umbel.list_frame_vertices(self._native, self._threads)
 
     def _positions(self, positions: ArrayLike) -> NDArray[np.float32]:
-        if self.origin.any():
-            positions = np.asarray(positions, np.float64) - self.origin
-        return rows("positions", positions, 3)
+        array = numbers("positions", positions)
+        if self.origin.any() and array.ndim == 2 and array.shape[1] == 3:
+            array = array.astype(np.float64) - self.origin
+        return rows("positions", array, 3)

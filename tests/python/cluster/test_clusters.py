@@ -7,6 +7,7 @@ import pickle
 import re
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -293,6 +294,34 @@ def test_empty_segments_have_no_clusters_and_gaps_stay() -> None:
     labels = clusters.labels()
     assert (labels[[*range(10), *range(30, 40)]] == 0xFFFFFFFF).all()
     assert (labels[10:30] < len(clusters)).all() and (labels[40:] < len(clusters)).all()
+
+
+def test_no_segments_are_none(blob: umbel.Mesh) -> None:
+    boxes = umbel.cluster_boxes(blob, umbel.cluster_mesh(blob, 1, min_triangles=1))
+    for none in ([], np.zeros((0, 2), np.uint32)):
+        clusters = umbel.build_clusters(boxes, segments=none)
+        assert len(clusters) == 0 and clusters.segments.shape == (0, 2)
+        assert clusters.items.tolist() == list(range(len(boxes)))
+        assert clusters.metrics()["clusters"] == 0
+    assert len(umbel.build_clusters(boxes, segments=None)) > 0
+
+
+def test_boxes_hold_the_items_of_their_clusters_alone(blob: umbel.Mesh) -> None:
+    corners = blob.positions[blob.triangles]
+    boxes = np.hstack([corners.min(axis=1), corners.max(axis=1)])
+    for segments in ([[0, 100], [100, 50]], [[200, 60], [10, 100]], None):
+        clusters = umbel.build_clusters(boxes, 32, segments=segments)
+        made = umbel.cluster_boxes(blob, clusters)
+        assert made.shape == (len(clusters), 6) and made.dtype == np.float32
+        for box, (offset, count) in zip(made, clusters.ranges.tolist(), strict=True):
+            own = boxes[clusters.items[offset : offset + count]]
+            assert np.array_equal(box, np.hstack([own[:, :3].min(axis=0), own[:, 3:].max(axis=0)]))
+
+
+@pytest.mark.parametrize("wrong", [([0, 0], [0]), 5, np.zeros((2, 3))])
+def test_connections_are_three_arrays(wrong: Any) -> None:
+    with pytest.raises(umbel.Error, match="connections must be"):
+        umbel.build_clusters(np.zeros((1, 6)), connections=wrong)
 
 
 @pytest.mark.parametrize("way", ["mesh", "boxes", "morton"])

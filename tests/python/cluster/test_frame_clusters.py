@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,3 +109,13 @@ def test_mistakes_are_named():
         umbel.FrameClusters(mesh, max_triangles=600)
     with pytest.raises(umbel.Error, match="162 vertices"):
         umbel.FrameClusters(mesh).build(np.zeros((3, 3), np.float32))
+    with pytest.raises(umbel.Error, match="method must be"):
+        umbel.FrameClusters(mesh, 3)  # type: ignore[arg-type]
+    with pytest.raises(umbel.Error, match="underfill_cost must be a number, not 'much'"):
+        umbel.FrameClusters(mesh, underfill_cost="much")  # type: ignore[arg-type]
+    for origin in (0.0, 1e6):
+        clusters = umbel.FrameClusters(replace(mesh, origin=(origin, 0, 0)))
+        with pytest.raises(umbel.Error, match=r"positions must have shape \(n, 3\)"):
+            clusters.refit(np.zeros((162, 2)))
+        with pytest.raises(umbel.Error, match="positions must hold numbers"):
+            clusters.refit("moved")
