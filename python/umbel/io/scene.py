@@ -106,7 +106,12 @@ class Scene:
             return ""
         if len(self.instances) > 1:
             which = f" ({listed})" if names else ""
-            return f"the meshes of its {len(drawn)} nodes{which} become one"
+            used = {instance.mesh for instance in self.instances}
+            notes = [self.mesh_notes(k) for k in used] if len(used) > 1 else []
+            lost = {"names": "name", "extras": "extras"}
+            lost = {what: key for what, key in lost.items() if any(key in note for note in notes)}
+            without = f" without their {' and '.join(lost)}" if lost else ""
+            return f"the meshes of its {len(drawn)} nodes{which} become one{without}"
         if np.array_equal(self.instances[0].transform, np.eye(4)):
             return ""
         return f"the mesh of its node {listed} is stored in the world's coordinates, off the node"
