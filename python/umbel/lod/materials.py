@@ -41,11 +41,8 @@ class _Files:
 
     def store(self, slot: str, image: TextureImage) -> Json | None:
         """The entry of an image; None where it cannot be read."""
-        if self.external and image.path is not None:
-            relative = os.path.relpath(image.path, self.folder).replace(os.sep, "/")
-            # Readers of an asset look in its folder and below, so others are embedded.
-            if not relative.startswith("../"):
-                return {"uri": urllib.parse.quote(relative)}
+        if self.external and image.path is not None and (uri := self._address(image.path)):
+            return {"uri": uri}
         try:
             data = image.encoded()
         except Error as error:
@@ -58,6 +55,16 @@ class _Files:
         self.slots[number].add(slot)
         kind = mime_type(data) or image.gltf.get("image", {}).get("mimeType")
         return {"file": number, "mimeType": kind or "application/octet-stream"}
+
+    def _address(self, path: Path) -> str:
+        """The URI of a file that readers of an asset find: they look in its folder and below, and
+        not for every name. "" for others."""
+        relative = os.path.relpath(path, self.folder).replace(os.sep, "/")
+        try:
+            uri = urllib.parse.quote(relative)
+        except UnicodeEncodeError:  # a name that is no text
+            return ""
+        return uri if beside(self.folder, relative) == self.folder / relative else ""
 
 
 def write_materials(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -175,6 +176,17 @@ def test_images_outside_of_the_assets_folder_are_embedded(tmp_path: Path) -> Non
     (again,) = read_materials(text, lambda k: files[k], folder)
     assert again.images["base_color"].path == folder / "inside.png"
     assert again.images["emissive"].encoded() == picture()
+
+
+@pytest.mark.parametrize("raw", [b"12:30.png", b"a\\b.png", b"caf\xe9.png", b"a%20#?.png"])
+def test_images_of_any_name_are_found_again(tmp_path: Path, raw: bytes) -> None:
+    path = tmp_path / os.fsdecode(raw)
+    path.write_bytes(picture())
+    given = umbel.Material(images={"base_color": TextureImage(path=path)})
+    text, files = write_materials([given], "external", tmp_path)
+    (again,) = read_materials(text, lambda k: files[k], tmp_path)
+    assert again.images["base_color"].encoded() == picture()
+    assert len(files) == (raw != b"a%20#?.png")  # which readers look for beside the asset
 
 
 def test_a_material_whose_name_is_no_text_is_a_warning(tmp_path: Path) -> None:
