@@ -220,7 +220,8 @@ class UMBEL_API Asset {
  public:
   /// Reads and checks the file header. Throws kIo, kCorrupt, kUnsupported (a newer version).
   explicit Asset(const std::filesystem::path& path);
-  explicit Asset(std::shared_ptr<const ByteSource> source);
+  /// `name` is what errors of a damaged file begin with; for a path it is the path.
+  explicit Asset(std::shared_ptr<const ByteSource> source, std::string name = {});
   Asset(Asset&&) noexcept;
   Asset& operator=(Asset&&) noexcept;
   ~Asset();

@@ -71,8 +71,8 @@ class PythonSource : public ByteSource {
 /// An asset of bytes that Python gives.
 class SourceAsset : public Asset {
  public:
-  explicit SourceAsset(std::shared_ptr<const PythonSource> source)
-      : Asset(source), source_(std::move(source)) {}
+  SourceAsset(std::shared_ptr<const PythonSource> source, std::string name)
+      : Asset(source, std::move(name)), source_(std::move(source)) {}
   nb::handle held() const { return source_->callable(); }
 
  private:
@@ -347,12 +347,12 @@ void bind_asset(nb::module_& module) {
                                  nb::type_slots(slots))
       .def(
           "__init__",
-          [](SourceAsset* self, uint64_t size, nb::object read) {
+          [](SourceAsset* self, uint64_t size, nb::object read, std::string name) {
             auto source = std::make_shared<const PythonSource>(size, std::move(read));
             const nb::gil_scoped_release release;
-            new (self) SourceAsset(std::move(source));
+            new (self) SourceAsset(std::move(source), std::move(name));
           },
-          "size"_a, "read"_a);
+          "size"_a, "read"_a, "name"_a);
   module.def(
       "write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "first_materials"_a,
       "files"_a, "instance_meshes"_a, "transforms"_a, "precision"_a, "page_bytes"_a,

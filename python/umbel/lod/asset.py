@@ -21,7 +21,7 @@ from umbel.geometry.repair import Progress
 from umbel.io.scene import Scene
 from umbel.lod.instances import InstanceCut, scene_cuts, scene_error, scene_mesh, shown_scene
 from umbel.lod.materials import read_materials
-from umbel.lod.remote import BinaryFile, Read, readable, remote
+from umbel.lod.remote import BinaryFile, readable, remote
 from umbel.lod.tables import HasTables, Tables
 from umbel.lod.verify import VerifyReport, verify_arguments
 
@@ -40,12 +40,12 @@ class Asset(HasTables):
         if isinstance(source, (str, os.PathLike)):
             self.path = os.fspath(source)
             if "://" in self.path:
-                self._native = _opened(self.path, *remote(self.path))
+                self._native = _umbel.SourceAsset(*remote(self.path), self.path)
             else:
                 self._native = _umbel.Asset(self.path)
         else:
             self.path = str(getattr(source, "name", source))
-            self._native = _opened(self.path, *readable(source))
+            self._native = _umbel.SourceAsset(*readable(source), self.path)
         self._info: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
@@ -219,12 +219,3 @@ class Asset(HasTables):
         """The triangles of one cluster."""
         arrays = self._native.geometry(whole("index", index), whole("mesh", mesh))
         return mesh_of(arrays, [], origin=self._mesh_origin)
-
-
-def _opened(name: str, size: int, read: Read) -> _umbel.Asset:
-    try:
-        return _umbel.SourceAsset(size, read)
-    except Error as error:
-        named = Error(f"{name}: {error}")
-        named.code = error.code
-        raise named from None

@@ -45,7 +45,8 @@ struct Decoded {
 }  // namespace
 
 struct Asset::State {
-  explicit State(std::shared_ptr<const ByteSource> bytes) : source(required(std::move(bytes))) {}
+  State(std::shared_ptr<const ByteSource> bytes, std::string given_name)
+      : source(required(std::move(bytes))), name(std::move(given_name)) {}
 
   static std::shared_ptr<const ByteSource> required(std::shared_ptr<const ByteSource> bytes) {
     if (!bytes) throw Error(ErrorCode::kInvalidArgument, "the source of the asset is null");
@@ -53,6 +54,7 @@ struct Asset::State {
   }
 
   std::shared_ptr<const ByteSource> source;
+  std::string name;
   asset::FileHeader header;
   asset::PageTable pages{header, *source};
   std::vector<AssetMesh> meshes;
@@ -71,6 +73,20 @@ struct Asset::State {
   static constexpr size_t kSlots = 16;
   mutable std::mutex decoded_mutex;
   mutable std::array<std::shared_ptr<const Decoded>, kSlots> decoded;
+
+  /// Calls read(): what is wrong with the file is said with its name.
+  template <typename Read>
+  decltype(auto) naming(const Read& read) const {
+    try {
+      return read();
+    } catch (const Error& error) {
+      const std::string what = error.what();
+      const bool of_file = error.code() == ErrorCode::kCorrupt || error.code() == ErrorCode::kIo ||
+                           error.code() == ErrorCode::kUnsupported;
+      if (!of_file || name.empty() || what.find(name + ":") != std::string::npos) throw;
+      throw Error(error.code(), name + ": " + what);
+    }
+  }
 
   void read_header();
   void check_page(uint32_t page) const {
@@ -290,19 +306,12 @@ std::shared_ptr<const Decoded> Asset::State::group(uint32_t mesh, uint32_t group
   return result;
 }
 
-Asset::Asset(std::shared_ptr<const ByteSource> source)
-    : state_(std::make_unique<State>(std::move(source))) {
-  state_->read_header();
+Asset::Asset(std::shared_ptr<const ByteSource> source, std::string name)
+    : state_(std::make_unique<State>(std::move(source), std::move(name))) {
+  state_->naming([&] { state_->read_header(); });
 }
 
-Asset::Asset(const std::filesystem::path& path) : state_(std::make_unique<State>(open_file(path))) {
-  try {
-    state_->read_header();
-  } catch (const Error& error) {
-    if (error.code() == ErrorCode::kIo) throw;
-    throw Error(error.code(), path.string() + ": " + error.what());
-  }
-}
+Asset::Asset(const std::filesystem::path& path) : Asset(open_file(path), path.string()) {}
 
 Asset::Asset(Asset&&) noexcept = default;
 Asset& Asset::operator=(Asset&&) noexcept = default;
@@ -315,25 +324,31 @@ const std::vector<AssetMesh>& Asset::meshes() const { return state_->meshes; }
 const std::vector<Instance>& Asset::instances() const { return state_->header.instances; }
 
 const std::vector<InstanceNode>& Asset::instance_nodes() const {
-  return state_->instance_tree().nodes;
+  return state_->naming(
+      [&]() -> const std::vector<InstanceNode>& { return state_->instance_tree().nodes; });
 }
 
 bool Asset::has_instance_tree() const { return state_->header.instance_nodes.count > 0; }
 
 uint32_t Asset::placement_bytes(uint32_t node) const {
-  const asset::StoredInstanceTree& tree = state_->instance_tree();
-  if (node >= tree.pages.size()) out_of_range("node of instances", node, tree.pages.size());
-  return tree.pages[node].bytes;
+  return state_->naming([&] {
+    const asset::StoredInstanceTree& tree = state_->instance_tree();
+    if (node >= tree.pages.size()) out_of_range("node of instances", node, tree.pages.size());
+    return tree.pages[node].bytes;
+  });
 }
 
 std::vector<Instance> Asset::placements(uint32_t node) const {
-  const asset::StoredInstanceTree& tree = state_->instance_tree();
-  if (node >= tree.pages.size()) out_of_range("node of instances", node, tree.pages.size());
-  const asset::PlacementPage& page = tree.pages[node];
-  const std::vector<std::byte> bytes =
-      state_->read(state_->header.instance_pages.offset + page.offset, page.bytes, page.checksum,
-                   "page " + std::to_string(node) + " of the instances");
-  return asset::decode_placements(bytes, node, tree.nodes[node].placements, state_->meshes.size());
+  return state_->naming([&] {
+    const asset::StoredInstanceTree& tree = state_->instance_tree();
+    if (node >= tree.pages.size()) out_of_range("node of instances", node, tree.pages.size());
+    const asset::PlacementPage& page = tree.pages[node];
+    const std::vector<std::byte> bytes =
+        state_->read(state_->header.instance_pages.offset + page.offset, page.bytes, page.checksum,
+                     "page " + std::to_string(node) + " of the instances");
+    return asset::decode_placements(bytes, node, tree.nodes[node].placements,
+                                    state_->meshes.size());
+  });
 }
 
 const std::vector<InstancedMesh>& Asset::instanced_meshes() const { return state_->instanced; }
@@ -345,10 +360,12 @@ const std::string& Asset::scene() const { return state_->header.scene; }
 uint32_t Asset::files() const { return static_cast<uint32_t>(state_->header.files.size()); }
 
 std::vector<std::byte> Asset::file(uint32_t index) const {
-  if (index >= files()) out_of_range("file", index, files());
-  const asset::FileEntry& entry = state_->header.files[index];
-  return state_->read(entry.offset, entry.bytes, entry.checksum,
-                      "embedded file " + std::to_string(index));
+  return state_->naming([&] {
+    if (index >= files()) out_of_range("file", index, files());
+    const asset::FileEntry& entry = state_->header.files[index];
+    return state_->read(entry.offset, entry.bytes, entry.checksum,
+                        "embedded file " + std::to_string(index));
+  });
 }
 
 std::span<const GroupRef> Asset::roots(uint32_t mesh) const {
@@ -358,8 +375,10 @@ std::span<const GroupRef> Asset::roots(uint32_t mesh) const {
 }
 
 const Refinement* Asset::refinement(uint32_t group, uint32_t mesh) const {
-  if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
-  return state_->refinement(mesh, group);
+  return state_->naming([&] {
+    if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
+    return state_->refinement(mesh, group);
+  });
 }
 
 std::span<const Range> Asset::levels(uint32_t mesh) const {
@@ -369,60 +388,78 @@ std::span<const Range> Asset::levels(uint32_t mesh) const {
 }
 
 uint32_t Asset::page_bytes(uint32_t page) const {
-  state_->check_page(page);
-  return state_->pages.at(page).bytes;
+  return state_->naming([&] {
+    state_->check_page(page);
+    return state_->pages.at(page).bytes;
+  });
 }
 
 AssetPage Asset::read_page(uint32_t page) const {
-  state_->check_page(page);
-  return state_->read_page(page);
+  return state_->naming([&] {
+    state_->check_page(page);
+    return state_->read_page(page);
+  });
 }
 
 AssetPage Asset::page_of(uint32_t page, std::vector<std::byte> bytes) const {
-  state_->check_page(page);
-  return state_->page_of(page, std::move(bytes));
+  return state_->naming([&] {
+    state_->check_page(page);
+    return state_->page_of(page, std::move(bytes));
+  });
 }
 
 std::vector<lod::ClusterGeometry> Asset::decode(const AssetPage& page, size_t index) const {
-  if (index >= page.groups.size()) out_of_range("group of the page", index, page.groups.size());
-  const PageGroup& group = page.groups[index];
-  if (group.mesh >= state_->meshes.size() || group.offset > page.bytes.size() ||
-      group.bytes > page.bytes.size() - group.offset)
-    throw Error(ErrorCode::kInvalidArgument, "the page is not one of this asset");
-  return state_->decode(page, index);
+  return state_->naming([&] {
+    if (index >= page.groups.size()) out_of_range("group of the page", index, page.groups.size());
+    const PageGroup& group = page.groups[index];
+    if (group.mesh >= state_->meshes.size() || group.offset > page.bytes.size() ||
+        group.bytes > page.bytes.size() - group.offset)
+      throw Error(ErrorCode::kInvalidArgument, "the page is not one of this asset");
+    return state_->decode(page, index);
+  });
 }
 
 bool Asset::page_is_whole(uint32_t page) const {
-  state_->check_page(page);
-  const PageEntry entry = state_->pages.at(page);
-  std::vector<std::byte> bytes(entry.bytes);
-  state_->source->read(entry.offset, bytes);
-  return xxh64(bytes.data(), bytes.size()) == entry.checksum;
+  return state_->naming([&] {
+    state_->check_page(page);
+    const PageEntry entry = state_->pages.at(page);
+    std::vector<std::byte> bytes(entry.bytes);
+    state_->source->read(entry.offset, bytes);
+    return xxh64(bytes.data(), bytes.size()) == entry.checksum;
+  });
 }
 
 bool Asset::header_is_whole() const {
-  std::vector<std::byte> bytes(info().header_bytes);
-  state_->source->read(0, bytes);
-  return asset::header_is_whole(bytes);
+  return state_->naming([&] {
+    std::vector<std::byte> bytes(info().header_bytes);
+    state_->source->read(0, bytes);
+    return asset::header_is_whole(bytes);
+  });
 }
 
 std::vector<lod::Node> Asset::nodes(uint32_t mesh) const {
-  if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
-  return state_->read_nodes(state_->header.meshes[mesh].nodes);
+  return state_->naming([&] {
+    if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
+    return state_->read_nodes(state_->header.meshes[mesh].nodes);
+  });
 }
 
 const lod::Tables& Asset::tables(uint32_t mesh) const {
-  static const lod::Tables empty;
-  if (mesh == 0 && state_->meshes.empty()) return empty;
-  if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
-  return state_->all_tables().meshes[mesh];
+  return state_->naming([&]() -> const lod::Tables& {
+    static const lod::Tables empty;
+    if (mesh == 0 && state_->meshes.empty()) return empty;
+    if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
+    return state_->all_tables().meshes[mesh];
+  });
 }
 
 lod::ClusterGeometry Asset::geometry(uint32_t cluster, uint32_t mesh) const {
-  const lod::Tables& tables = this->tables(mesh);
-  if (cluster >= tables.clusters.size()) out_of_range("cluster", cluster, tables.clusters.size());
-  const uint32_t group = tables.clusters[cluster].group;
-  return state_->group(mesh, group)->clusters[cluster - tables.groups[group].clusters.offset];
+  return state_->naming([&] {
+    const lod::Tables& tables = this->tables(mesh);
+    if (cluster >= tables.clusters.size()) out_of_range("cluster", cluster, tables.clusters.size());
+    const uint32_t group = tables.clusters[cluster].group;
+    return state_->group(mesh, group)->clusters[cluster - tables.groups[group].clusters.offset];
+  });
 }
 
 }  // namespace umbel

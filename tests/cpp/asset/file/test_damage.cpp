@@ -59,6 +59,28 @@ TEST(AssetDamage, garbage_is_not_an_asset) {
     }
 }
 
+TEST(AssetDamage, a_damaged_page_is_reported_with_the_name_of_its_file) {
+  const Scratch scratch;
+  std::vector<char> bytes = small_asset(scratch);
+  write_bytes(scratch / "b.umbel", bytes);
+  char& of_page = bytes[Asset(scratch / "b.umbel").info().header_bytes];  // pages come next
+  of_page = static_cast<char>(~of_page);
+  write_bytes(scratch / "b.umbel", bytes);
+  const auto said = [](const Asset& asset) -> std::string {
+    try {
+      asset.tables();
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "nothing";
+  };
+  const std::string path = (scratch / "b.umbel").string();
+  const std::string bare = said(Asset(open_file(path)));
+  EXPECT_EQ(bare.rfind("the checksum of ", 0), 0u) << bare;
+  EXPECT_EQ(said(Asset(path)), path + ": " + bare);
+  EXPECT_EQ(said(Asset(open_file(path), "a store")), "a store: " + bare);
+}
+
 TEST(AssetDamage, a_file_cut_short_while_open_is_an_error) {
   const Scratch scratch;
   small_asset(scratch);
