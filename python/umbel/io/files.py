@@ -92,7 +92,7 @@ def _first_bad_word(text: bytes) -> tuple[str, int]:
     for number, line in enumerate(text.split(b"\n" if b"\n" in text else b"\r")):
         for word in line.split():
             try:
-                float(word)
+                float(word.replace(b"_", b"?"))  # which Python takes within a number
             except ValueError:
                 return word[:40].decode("utf-8", "replace"), number
     return "(something)", 0

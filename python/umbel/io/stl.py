@@ -172,11 +172,14 @@ def _facets_of(text: bytes, where: str) -> bytes:
         solids += is_open
         out[begin:stop] = b" " * (stop - begin)
         at = last = stop
-    if is_open or out[last:].strip():
+    if is_open:
         raise Error(
             f"{where}, line {line_at(text, len(text.rstrip()))}: there is no 'endsolid'; the file "
             f"is cut short"
         )
+    if more := Words.of(bytes(out[last:])):
+        line = line_at(text, last + int(more.starts[0]))
+        raise Error(f"{where}, line {line}: {more.word(0)} follows the last 'endsolid'")
     if solids > 1:
         warnings.warn(f"{where}: its {solids} solids become one mesh", LoadWarning, stacklevel=7)
     return bytes(out)

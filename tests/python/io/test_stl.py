@@ -124,6 +124,11 @@ def test_no_triangles_are_an_empty_mesh(tmp_path: Path) -> None:
     assert read(tmp_path, b"solid nothing\nendsolid nothing\n").triangles.shape == (0, 3)
 
 
+def test_a_text_may_be_padded(tmp_path: Path) -> None:
+    padded = read(tmp_path, ascii_text().encode() + b"\n\x1a\0\0")
+    assert np.array_equal(padded.positions, read(tmp_path, ascii_text().encode()).positions)
+
+
 @pytest.mark.parametrize(
     ("data", "says"),
     [
@@ -142,7 +147,8 @@ def test_no_triangles_are_an_empty_mesh(tmp_path: Path) -> None:
             ascii_text().replace("    endloop\n  endfacet\nends", "ends").encode(),
             "facet is cut short",
         ),
-        (ascii_text().encode() + b"\nfacet", "no 'endsolid'"),
+        (ascii_text().encode() + b"\nfacet 1", "line 31: 'facet' follows the last 'endsolid'"),
+        (ascii_text().replace("vertex 1.0", "vertex 1_0", 1).encode(), "line 6: '1_0' is no"),
         (b"solid a\nsolid b\nendsolid\n", "line 2: .* do not take turns"),
         (b"hello world\n" * 20, "is cut short or no STL"),
         (b"hello world\n", "is cut short or no STL"),
