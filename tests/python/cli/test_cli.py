@@ -298,6 +298,8 @@ def test_cluster_takes_all_its_flags(umbel_command: Umbel, blob_ply: Path) -> No
     flags = ("--max-vertices", 40, "--vertex-underfill", 0, "--presplit", 300)
     cheap = umbel_command("cluster", blob_ply, *flags, "--json").json
     assert cheap["max_vertices"] <= 40 and cheap["clusters"] != said["clusters"]
+    alone = umbel_command("cluster", blob_ply, "--vertex-underfill", 0.1, "--json").json
+    assert alone["warnings"] == ["--vertex-underfill has no effect: it is for --max-vertices"]
     done = umbel_command("cluster", blob_ply, "--vertex-underfill", 2)
     assert done.status == 1 and "--vertex-underfill" in done.err
     morton = umbel_command("cluster", blob_ply, "--method", "morton", "--json").json

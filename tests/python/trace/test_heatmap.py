@@ -153,6 +153,10 @@ def test_flags_that_have_no_effect_are_named(umbel_command: Umbel, mesh: Path) -
         f"{flag} has no effect: --heatmap traces no paths"
         for flag in ("--spp", "--light", "--ground", "--accel")
     ]
+    counts = ("--heatmap", "overlap", "--most", 9)
+    assert umbel_command("render", mesh, "-o", out, *counts, *small).json["warnings"] == []
+    done = umbel_command("render", mesh, "-o", out.with_suffix(".exr"), *counts, *small)
+    assert done.json["warnings"] == ["--most has no effect: an .exr has the counts as they are"]
     used = ("--spp", 4, "--light", "1,1,1", "--exposure", 1)
     assert umbel_command("render", mesh, "-o", out, *used, *small).json["warnings"] == []
 

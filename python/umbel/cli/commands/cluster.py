@@ -163,6 +163,8 @@ def _warn_of_flags(method: Method, device: Device, given: list[str]) -> None:
         if flag not in taken:
             methods = "bisect and hybrid" if flag in _TAKEN[Method.hybrid] else "bisect"
             warn_no_effect(flag, f"it is for --method {methods}, not {named}")
+        elif flag == "--vertex-underfill" and "--max-vertices" not in given:
+            warn_no_effect(flag, "it is for --max-vertices")
 
 
 def _write(output: Path, mesh: Mesh, clusters: Clusters) -> None:

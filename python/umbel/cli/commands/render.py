@@ -180,6 +180,8 @@ def command(
             warn_no_effect(flag, "--heatmap traces no paths")
     if exposure != "auto" and heatmap is None and output.suffix.lower() == ".exr":
         warn_no_effect("--exposure", "an .exr has the radiance as it is")
+    if most is not None and output.suffix.lower() == ".exr":
+        warn_no_effect("--most", "an .exr has the counts as they are")
     began = time.perf_counter()
     with Bar() as bar:
         options: dict[str, Any] = {
