@@ -290,13 +290,13 @@ class Tiers {
       tasks.push_back({tier_, u});
       if (!is_done(tasks.back())) missing.push_back(tasks.back());
     }
+    const double share = plan_.tier[0].is_last ? 0.9 - fraction_ : 0.75 * (0.9 - fraction_);
     if (!missing.empty()) {
       if (tier_ == 0)
         route_source();
       else
         route_tier();
       if (may_have_new_positions()) write_taken(tier_);
-      const double share = plan_.tier[0].is_last ? 0.9 - fraction_ : 0.75 * (0.9 - fraction_);
       const std::string stage = "tier " + std::to_string(tier_ + 1) + ", " +
                                 std::to_string(tasks.size()) +
                                 (tasks.size() == 1 ? " unit" : " units");
@@ -305,8 +305,8 @@ class Tiers {
         const double so_far = static_cast<double>(tasks.size() - missing.size() + done) / all;
         report(fraction_ + share * so_far, stage);
       });
-      fraction_ += share;
     }
+    fraction_ += share;
     uint64_t left = 0;
     undecided_ = 0;
     uint32_t next_level = plan_.tier[0].level;

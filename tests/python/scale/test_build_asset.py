@@ -76,6 +76,28 @@ def test_result_is_sound_and_leaves_no_work(terrain: Path, tmp_path: Path) -> No
     assert os.listdir(tmp_path) == ["a.umbel"]
 
 
+def test_a_resumed_build_reports_what_is_done(terrain: Path, tmp_path: Path) -> None:
+    def begun(resume: bool) -> float:
+        """Where the second tier begins."""
+        reports: list[tuple[str, float]] = []
+
+        def report(fraction: float, stage: str) -> None:
+            reports.append((stage, fraction))
+
+        build_asset(
+            terrain,
+            tmp_path / "a.umbel",
+            unit_triangles=UNIT,
+            workers=1,
+            resume=resume,
+            progress=report,
+        )
+        return next(fraction for stage, fraction in reports if stage.startswith("tier 2"))
+
+    stopped(terrain, tmp_path / "a.umbel")
+    assert begun(resume=True) == begun(resume=False)
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_bytes_do_not_depend_on_workers(
     terrain: Path, expected: bytes, tmp_path: Path, workers: int
