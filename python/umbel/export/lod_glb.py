@@ -83,7 +83,7 @@ def export_glb(
     coverages = _coverages(errors, float(np.linalg.norm(high - low)))
     chunks = _file(made, levels, coverages, corner, step, target.name)
     write_all(target, chunks)
-    lost = made.losses()
+    lost = made.losses(target)
     if lost:
         warn_lost(f"{target} was written without", lost, most=8)
     return LodGlbReport(

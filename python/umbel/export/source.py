@@ -17,7 +17,13 @@ from umbel import _umbel
 from umbel.errors import Error
 from umbel.export.piece import Doubles, Piece
 from umbel.geometry.mesh import Material, Mesh
-from umbel.io.format_losses import LIGHTS, WHERE, camera_and_light_losses, name_losses
+from umbel.io.format_losses import (
+    LIGHTS,
+    WHERE,
+    camera_and_light_losses,
+    name_losses,
+    reference_losses,
+)
 from umbel.io.gltf.tree import check_tree
 from umbel.io.scene import join, transformed, with_default
 from umbel.lod.asset import Asset
@@ -168,8 +174,9 @@ class Source:
         _, mesh.material_ids = with_default(self.materials, mesh.material_ids)
         return Piece.of(mesh).turned(self.turn)
 
-    def losses(self) -> list[str]:
-        """What of the asset no export holds, in words; of vertices, when all has been read."""
+    def losses(self, path: Path) -> list[str]:
+        """What of the asset the export at `path` does not hold, in words; of vertices, when all
+        has been read."""
         tree = self.asset.scene
         nodes = tree.get("nodes", [])
         lost = ["joints and weights"] if self._has_joints else []
@@ -183,6 +190,7 @@ class Source:
         if any("extras" in entry for entry in held):
             lost.append("extras of the scene and its meshes")
         lost += name_losses(tree)
+        lost += reference_losses(path, self.asset.coordinates)
         return lost
 
 

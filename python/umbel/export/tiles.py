@@ -97,7 +97,7 @@ def export_tiles(
             whole_folder.rename(place)
     except OSError as error:
         raise Error(f"cannot write {target}: {error.strerror or error}") from None
-    lost = writer.source.losses()
+    lost = writer.source.losses(target)
     if lost:
         warn_lost(f"{target} was written without", lost, most=8)
     return report

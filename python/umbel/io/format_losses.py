@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from umbel.geometry.mesh import Mesh
+from umbel.io.coordinates import sidecar
 from umbel.plain_json import plain
 
 LIGHTS = "KHR_lights_punctual"
@@ -48,6 +50,13 @@ def camera_and_light_losses(tree: dict[str, Any]) -> Iterator[str]:
         yield "cameras"
     if LIGHTS in tree.get("extensions", {}):
         yield "lights"
+
+
+def reference_losses(path: Path, coordinates: dict[str, str]) -> Iterator[str]:
+    """Of what a file's coordinates refer to, which only a .prj file beside it says."""
+    crs = coordinates.get("crs")
+    if crs and sidecar(path).get("crs") != crs:
+        yield "the reference system of its coordinates, which a .prj file said"
 
 
 def copyright_line(mesh: Mesh) -> str:

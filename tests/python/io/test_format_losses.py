@@ -291,3 +291,27 @@ def test_a_mask_in_the_base_color_keeps_its_bytes(tmp_path: Path) -> None:
     for where, material in written(tmp_path, umbel.load(tmp_path / "a.obj")).items():
         assert material.alpha_mode == "BLEND", where  # half-transparent all over
         assert material.images["base_color"].data == png(texels)
+
+
+def test_that_no_format_has_a_reference_system_is_said(tmp_path: Path) -> None:
+    mesh = umbel.shapes.blob(2, seed=1)
+    mesh.coordinates = {"crs": 'PROJCS["WGS 84 / UTM zone 32N"]'}
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel")
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    extracted = asset.scene_mesh(asset.scene_cuts(level=0))
+    scene = asset.scene_of(asset.scene_cuts(level=0))
+    said = "the reference system of its coordinates, which a .prj file said"
+    for write in (
+        lambda: umbel.save(tmp_path / "a.ply", extracted),
+        lambda: umbel.save(tmp_path / "a.obj", extracted),
+        lambda: umbel.save(tmp_path / "a.glb", scene),
+        lambda: umbel.export_glb(asset, tmp_path / "a.glb"),
+        lambda: umbel.export_tiles(asset, tmp_path / "a"),
+    ):
+        with pytest.warns(umbel.LoadWarning, match=said) as caught:
+            write()
+        assert len(caught) == 1
+    (tmp_path / "a.prj").write_text(mesh.coordinates["crs"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        umbel.save(tmp_path / "a.ply", extracted)  # which then stands beside what is said

@@ -14,6 +14,7 @@ import numpy as np
 from umbel.errors import Error, warn_lost
 from umbel.geometry.mesh import Mesh
 from umbel.io.files import replacing_together, write_all
+from umbel.io.format_losses import reference_losses
 from umbel.io.gltf.arrays import Arrays, Json
 from umbel.io.gltf.attach import attach
 from umbel.io.gltf.material_table import MaterialTable
@@ -42,6 +43,8 @@ def write_gltf(path: Path, scene: Scene) -> None:
         _write_apart(path, root, arrays)
     else:
         write_all(path, _glb(path, root, arrays))
+    said = next((mesh.coordinates for mesh in scene.meshes if mesh.coordinates), {})
+    lost += reference_losses(path, said)
     if lost:
         warn_lost(f"{path} was written without", lost)
 

@@ -13,7 +13,7 @@ from umbel.errors import warn_lost
 from umbel.geometry.mesh import Mesh
 from umbel.io.colors import MOST_BRIGHT, to_srgb
 from umbel.io.files import replacing_together
-from umbel.io.format_losses import attribute_losses, copyright_line
+from umbel.io.format_losses import attribute_losses, copyright_line, reference_losses
 from umbel.io.obj.mtl_writer import MtlWriter, encoded, head
 
 _CHUNK = 1 << 16  # rows formatted at once
@@ -24,7 +24,7 @@ def write_obj(path: Path, mesh: Mesh) -> None:
     world, and beside it a .mtl and images if the mesh has materials. One warning names what OBJ
     cannot hold. Only texture coordinates that count from an image's top are turned round."""
     library = MtlWriter(path, mesh.materials if mesh.material_ids is not None else [])
-    lost = [*_losses(mesh), *library.lost]
+    lost = [*_losses(mesh), *library.lost, *reference_losses(path, mesh.coordinates)]
     if lost:
         warn_lost(f"{path}: OBJ has no place for", lost, most=8)
     with replacing_together() as opened:

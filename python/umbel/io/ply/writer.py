@@ -12,7 +12,7 @@ from umbel.errors import warn_lost
 from umbel.geometry.mesh import Material, Mesh
 from umbel.io.colors import to_srgb
 from umbel.io.files import write_all
-from umbel.io.format_losses import attribute_losses, copyright_line
+from umbel.io.format_losses import attribute_losses, copyright_line, reference_losses
 from umbel.io.ply import names as ply_names
 
 _BYTE = 0.01
@@ -64,6 +64,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     if copyright_line(mesh):
         lines.insert(2, f"comment {copyright_line(mesh)}")
     lost = [*_material_losses(mesh), *attribute_losses(mesh)]
+    lost += reference_losses(path, mesh.coordinates)
     lost += ["colours between 8-bit steps"] if is_rounded else []
     if lost:
         warn_lost(f"{path}: PLY has no place for", lost, most=8)
