@@ -177,9 +177,9 @@ def _facets_of(text: bytes, where: str) -> bytes:
             f"{where}, line {line_at(text, len(text.rstrip()))}: there is no 'endsolid'; the file "
             f"is cut short"
         )
-    if more := Words.of(bytes(out[last:])):
-        line = line_at(text, last + int(more.starts[0]))
-        raise Error(f"{where}, line {line}: {more.word(0)} follows the last 'endsolid'")
+    if rest := Words.of(bytes(out[last:])):
+        line = line_at(text, last + int(rest.starts[0]))
+        raise Error(f"{where}, line {line}: {rest.word(0)} follows the last 'endsolid'")
     if solids > 1:
         warnings.warn(f"{where}: its {solids} solids become one mesh", LoadWarning, stacklevel=7)
     return bytes(out)
