@@ -129,6 +129,18 @@ def test_libraries_outside_the_folder_are_left_out_with_a_warning(
     assert mesh.materials[0].base_color == (1, 0, 0, 1)
 
 
+def test_textures_outside_the_folder_are_one_warning(tmp_path: Path) -> None:
+    library = "".join(f"newmtl m{k}\nmap_Kd C:\\{k}.png\nmap_Ke ../e.png\n" for k in range(3))
+    (tmp_path / "a.mtl").write_text(library)
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{SQUARE}usemtl m0\nf 1 2 3\n")
+    with pytest.warns(LoadWarning) as caught:
+        load(tmp_path / "a.obj")
+    [warning] = caught
+    said = str(warning.message)
+    assert said.startswith(f"{tmp_path / 'a.mtl'}: material 'm0' loses its base_color texture: ")
+    assert said.endswith("allow_outside=True; and so do 5 others")
+
+
 def test_images_of_a_library_in_a_folder_below_may_lie_beside_the_mesh(
     folders: tuple[Path, Path],
 ) -> None:

@@ -126,6 +126,7 @@ class Buffers:
         self.folder = folder
         self._buffers: dict[int, bytes] = {}
         self._views: dict[int, tuple[bytes, int | None]] = {}
+        self._has_warned = False
 
     def item(self, table: str, index: Any, user: str) -> Json:
         """Entry `index` of one of the asset's top-level arrays."""
@@ -283,9 +284,12 @@ class Buffers:
         if not count:
             return np.zeros((0, width), dtype)
         begin = offset + self._begin(view)
-        if begin % dtype.itemsize:
+        if begin % dtype.itemsize and not self._has_warned:
+            self._has_warned = True  # files have all or none so
             what = f"{name} begins at byte {begin} of its buffer, no multiple of {dtype.itemsize}"
-            warnings.warn(f"{self.where}: {what}", LoadWarning, stacklevel=2)
+            warnings.warn(
+                f"{self.where}: {what}, and others may as well", LoadWarning, stacklevel=2
+            )
         return np.ndarray((count, width), dtype, data, offset, (step, dtype.itemsize))
 
     def _with_sparse(self, values: NDArray[Any], sparse: Json, name: str) -> NDArray[Any]:

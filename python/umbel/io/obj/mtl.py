@@ -51,15 +51,19 @@ def read_mtl(data: bytes, folder: Folder | None = None, where: str = "") -> dict
     found: dict[str, Material] = {}
     current: _Statements | None = None
     grey: dict[str, bool] = {}
+    outside: list[str] = []
     lost: dict[str, None] = {}
     for word, rest in _statements(data):
         if word.lower() == "newmtl":
             if rest in found:
                 lost[f"all but the last material {shown_name(rest)!r}"] = None
-            current = _Statements(Material(name=shown_name(rest)), folder, where, grey)
+            current = _Statements(Material(name=shown_name(rest)), folder, outside, grey)
             found[rest] = current.material
         else:
             lost.update(dict.fromkeys(current.take(word, rest) if current else [word]))
+    if outside:
+        others = f"; and so do {len(outside) - 1} others" if len(outside) > 1 else ""
+        warnings.warn(f"{where}: {text_of(outside[0])}{others}", LoadWarning, stacklevel=7)
     if lost:
         more = [f"and {len(lost) - _SHOWN} more"] if len(lost) > _SHOWN else []
         left_out = text_of(", ".join([*list(lost)[:_SHOWN], *more]))
@@ -107,10 +111,15 @@ class _Statements:
     """One material, as the lines after `newmtl` make it."""
 
     def __init__(
-        self, material: Material, folder: Folder | None, where: str, grey: dict[str, bool]
+        self,
+        material: Material,
+        folder: Folder | None,
+        outside: list[str],
+        grey: dict[str, bool],
     ) -> None:
         self.material = material
-        self._folder, self._where = folder, where
+        self._folder = folder
+        self._outside = outside  # sentences on textures that are not looked for
         self._grey = grey  # which images are, of those that were looked at
         self._has_roughness = False  # of its own: then the exponent does not count
 
@@ -173,8 +182,8 @@ class _Statements:
         try:
             path = self._folder.find(name, may_miss=True)
         except Error as error:
-            what = f"{self._where}: material {self.material.name!r} loses its {slot} texture"
-            warnings.warn(f"{what}: {error}", LoadWarning, stacklevel=8)
+            what = f"material {self.material.name!r} loses its {slot} texture"
+            self._outside.append(f"{what}: {error}")
             return lost
         self.material.images[slot] = TextureImage(
             path=path, wrap_u=wrap, wrap_v=wrap, bottom_up=not moved

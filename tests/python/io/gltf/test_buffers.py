@@ -18,7 +18,7 @@ from helpers.mesh_files import (
     corners,
 )
 from helpers.refusals import refused
-from umbel.errors import Error
+from umbel.errors import Error, LoadWarning
 
 
 def test_interleaved_vertices(tmp_path: Path) -> None:
@@ -42,6 +42,19 @@ def test_interleaved_vertices(tmp_path: Path) -> None:
     expected = np.float32([[127, 0, 0], [0, -127, 0], [0, 0, -127], [90, 0, 90]]) / np.float32(127)
     assert np.array_equal(mesh.normals, expected)
     assert np.array_equal(mesh.uvs, (table["uv"] / 65535).astype(np.float32))
+
+
+def test_arrays_that_begin_anywhere_are_one_warning(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    view = b.view(b"\0\0" + TETRA_POSITIONS.tobytes())
+    common = {"bufferView": view, "byteOffset": 2, "componentType": 5126, "type": "VEC3"}
+    p, n = (b.add("accessors", {**common, "count": 4}) for _ in range(2))
+    primitive = b.primitive({"POSITION": p, "NORMAL": n}, INDICES)
+    with pytest.warns(LoadWarning) as caught:
+        mesh = read(tmp_path, one(primitive, builder=b))
+    assert np.array_equal(mesh.positions, TETRA_POSITIONS)
+    assert [str(w.message) for w in caught if "no multiple of 4" not in str(w.message)] == []
+    assert len(caught) == 1
 
 
 @pytest.mark.parametrize(
