@@ -4,7 +4,8 @@ import sys
 
 import umbel
 
-source, path = sys.argv[1:3] if len(sys.argv) > 2 else (umbel.shapes.blob(6), "blob.umbel")
+source = sys.argv[1] if len(sys.argv) > 1 else umbel.shapes.blob(6)
+path = sys.argv[2] if len(sys.argv) > 2 else "mesh.umbel"
 lod = umbel.build_lod(source)
 print(lod, "from", lod.report["input_triangles"], "triangles")
 lod.save(path)

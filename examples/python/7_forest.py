@@ -79,6 +79,8 @@ print(f"in {time.perf_counter() - begun:.1f} s")
 
 begun = time.perf_counter()
 asset = umbel.Asset(path)
+if not asset.has_instance_tree:
+    sys.exit("the file lists so few trees; from 65,536 on it has a tree of instances")
 selector = umbel.InstanceSelector(asset)
 print(f"opened in {1e3 * (time.perf_counter() - begun):.0f} ms")
 middle = np.array([side * spacing / 2, 0, side * spacing / 2])

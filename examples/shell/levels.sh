@@ -8,6 +8,7 @@ folder=${2:-.}
 name=$(basename "${mesh%.*}")
 asset=$folder/$name.umbel
 
+mkdir -p "$folder"
 umbel build "$mesh" -o "$asset"
 umbel verify "$asset"
 for triangles in 10000 1000; do

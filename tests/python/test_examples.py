@@ -76,13 +76,23 @@ def test_python_examples_take_files(blob_ply: Path, tmp_path: Path) -> None:
         *(sys.executable, folder / "2_levels_of_detail.py", blob_ply, "x.umbel"), folder=tmp_path
     )
     assert "verified: True" in said and (tmp_path / "x.umbel").is_file()
+    alone = _run(sys.executable, folder / "2_levels_of_detail.py", blob_ply, folder=tmp_path)
+    assert alone == said and (tmp_path / "mesh.umbel").is_file()
     assert "trimesh:" in _run(sys.executable, folder / "4_rays.py", blob_ply, folder=tmp_path)
+
+
+def test_a_forest_of_few_trees_is_written_without_a_tree(tmp_path: Path) -> None:
+    script = ROOT / "examples" / "python" / "7_forest.py"
+    done = subprocess.run(
+        [sys.executable, script, "20"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.stderr.startswith("the file lists so few trees")
+    assert len(umbel.Asset(tmp_path / "forest.umbel").instances) == 21
 
 
 def test_shell_example_runs(blob_ply: Path, tmp_path: Path, path_with_umbel: str) -> None:
     script = ROOT / "examples" / "shell" / "levels.sh"
     out = tmp_path / "out"
-    out.mkdir()
     _run("bash", script, blob_ply, out, folder=tmp_path, PATH=path_with_umbel)
     assert len(umbel.load(out / "blob_1000.glb").triangles) <= 1000
     assert len(list(out.iterdir())) == 4
