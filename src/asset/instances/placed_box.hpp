@@ -45,6 +45,12 @@ class PlacedBox {
     }
     return std::sqrt(most);
   }
+  /// Whether it has no extent along an axis of the mesh, beside those along others.
+  bool is_flat(int axis) const {
+    double most = 0;
+    for (const Vec3d& one : axes_) most = std::max(most, length(one));
+    return length(axes_[axis]) <= kThickness * most;
+  }
   /// Of points spread evenly within it.
   Matrix3 covariance() const {
     Matrix3 sum{};
@@ -64,9 +70,10 @@ class PlacedBox {
   }
 
  private:
+  static constexpr double kThickness = 1e-6;
+
   /// A flat box gets a little thickness, so that points within it are told from others.
   void invert() {
-    constexpr double kThickness = 1e-6;
     std::array<Vec3d, 3> axes = axes_;
     const auto shorter = [](const Vec3d& a, const Vec3d& b) { return dot(a, a) < dot(b, b); };
     auto* const shortest = std::min_element(axes.data(), axes.data() + 3, shorter);

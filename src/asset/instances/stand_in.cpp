@@ -1,6 +1,7 @@
 #include "asset/instances/stand_in.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace umbel::asset {
 namespace {
@@ -22,21 +23,33 @@ Matrix3 map_between(const Matrix3& from, const Matrix3& to) {
   return product(product(inverse, middle), inverse);
 }
 
+void set_column(Transform& transform, int column, const Vec3d& value) {
+  transform.rows[column] = static_cast<float>(value.x);
+  transform.rows[4 + column] = static_cast<float>(value.y);
+  transform.rows[8 + column] = static_cast<float>(value.z);
+}
+
 /// The instance, stretched by `map` and moved until its box is about `mean`.
-Instance stretched(const Member& member, const Matrix3& map, const Vec3d& mean) {
-  Instance result = member.instance;
+Instance stretched(const Member& member, const Aabb& mesh, const Matrix3& map, const Vec3d& mean) {
   const auto& from = member.instance.transform.rows;
-  const Vec3d moved{double{from[3]}, double{from[7]}, double{from[11]}};
-  const Vec3d at = mean + map * (moved - member.box.center());
+  std::array<Vec3d, 3> given, columns;
+  double longest = 0, longest_given = 0;
   for (int j = 0; j < 3; ++j) {
-    const Vec3d column = map * Vec3d{double{from[j]}, double{from[4 + j]}, double{from[8 + j]}};
-    result.transform.rows[j] = static_cast<float>(column.x);
-    result.transform.rows[4 + j] = static_cast<float>(column.y);
-    result.transform.rows[8 + j] = static_cast<float>(column.z);
+    given[j] = {double{from[j]}, double{from[4 + j]}, double{from[8 + j]}};
+    columns[j] = map * given[j];
+    longest_given = std::max(longest_given, length(given[j]));
+    if (!member.box.is_flat(j)) longest = std::max(longest, length(columns[j]));
   }
-  result.transform.rows[3] = static_cast<float>(at.x);
-  result.transform.rows[7] = static_cast<float>(at.y);
-  result.transform.rows[11] = static_cast<float>(at.z);
+  if (longest == 0) longest = longest_given;  // a point
+  Instance result = member.instance;
+  for (int j = 0; j < 3; ++j) {
+    // What has no extent would be stretched without end, level by level, and errors with it.
+    const double size = length(columns[j]);
+    const bool is_too_long = member.box.is_flat(j) && size > longest;
+    set_column(result.transform, j, is_too_long ? (longest / size) * columns[j] : columns[j]);
+  }
+  set_column(result.transform, 3, {});
+  set_column(result.transform, 3, mean - PlacedBox(mesh, result.transform).center());
   return result;
 }
 
@@ -107,9 +120,10 @@ Member stand_in(std::span<const Member> members, std::span<const Aabb> meshes, d
   }
   const Member& shown = chosen(members, weight, choice);
   const bool stays = shown.weight >= kMost * weight && weight > 0;
-  const Instance instance =
-      stays ? shown.instance
-            : stretched(shown, map_between(shown.box.covariance(), covariance), mean);
+  const Instance instance = stays
+                                ? shown.instance
+                                : stretched(shown, meshes[shown.instance.mesh],
+                                            map_between(shown.box.covariance(), covariance), mean);
   const PlacedBox box(meshes[instance.mesh], instance.transform);
   Member result{instance, box, mean, covariance, weight, gap_between(box, members), 0};
   result.thickness = thickness_of(box.covariance());

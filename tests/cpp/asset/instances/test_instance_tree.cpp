@@ -156,6 +156,44 @@ TEST(StandIn, keeps_what_is_much_larger_than_the_rest) {
   EXPECT_EQ(asset::stand_in(members, std::vector<Aabb>{cube}, 0).instance, large);
 }
 
+TEST(StandIn, is_not_stretched_across_what_is_flat) {
+  const Aabb flat{{-1, 3, -1}, {1, 3, 1}}, line{{-1, 2, 2}, {1, 2, 2}}, point{{1, 1, 1}, {1, 1, 1}};
+  for (const Aabb& box : {flat, line, point, Aabb{}}) {
+    asset::Member member = asset::member_of({0, {}}, box);
+    double apart = 10;
+    for (int level = 0; level < 8; ++level, apart *= 2) {
+      std::vector<asset::Member> members;
+      for (int i = 0; i < 8; ++i) {
+        Instance moved = member.instance;
+        moved.transform.rows[3] += static_cast<float>(i % 2 * apart);
+        moved.transform.rows[7] += static_cast<float>(i / 2 % 2 * apart);
+        moved.transform.rows[11] += static_cast<float>(i / 4 * apart);
+        members.push_back(asset::member_of(moved, box));
+      }
+      member = asset::stand_in(members, std::vector<Aabb>{box}, 0.3);
+      // No longer than what it stands for, but for the square root of three.
+      EXPECT_LE(asset::largest_scale(member.instance.transform), 2 * apart);
+      const Vec3d off = member.box.center() - member.mean;
+      EXPECT_LE(length(off), 1e-5 * apart);
+    }
+  }
+}
+
+TEST(InstanceTree, of_meshes_without_triangles_can_be_opened) {
+  const Scratch scratch;
+  const lod::Dag nothing = lod::build(Mesh{}.view());
+  AssetContents contents;
+  contents.meshes = {&nothing};
+  for (uint32_t i = 0; i < 70000; ++i) {
+    contents.instances.push_back({0, {}});
+    contents.instances.back().transform.rows[3] = static_cast<float>(i);
+  }
+  write_asset(scratch / "a.umbel", contents);
+  const Asset asset(scratch / "a.umbel");
+  EXPECT_TRUE(asset.has_instance_tree());
+  EXPECT_TRUE(verify_asset(scratch / "a.umbel", 1).ok);
+}
+
 TEST(StandIn, is_finite_for_flat_and_empty_things) {
   const Aabb flat{{-1, 0, -1}, {1, 0, 1}}, point{{0, 0, 0}, {0, 0, 0}};
   for (const Aabb& box : {flat, point, Aabb{}}) {
