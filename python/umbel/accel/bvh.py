@@ -16,7 +16,7 @@ from umbel.accel.rays import mask_array
 from umbel.accel.tree_options import TreeOptions, tree_config
 from umbel.accel.trees import Bvh2, KaryTree
 from umbel.errors import Error
-from umbel.geometry.arrays import about, indices, native, numbers, rows, thread_count
+from umbel.geometry.arrays import about, check_affine, indices, native, numbers, rows, thread_count
 from umbel.geometry.mesh import Mesh
 from umbel.geometry.origin import origin_of, warn_of_origin
 from umbel.geometry.repair import Progress
@@ -199,8 +199,7 @@ class Bvh(TriangleQueries):
         rows = np.eye(4) if transform is None else numbers("transform", transform)
         if rows.shape not in ((4, 4), (3, 4)):
             raise Error(f"transform must have shape (4, 4) or (3, 4), not {rows.shape}")
-        if rows.shape == (4, 4) and (rows[3] != (0, 0, 0, 1)).any():
-            raise Error("the last row of transform must be 0, 0, 0, 1")
+        check_affine("transform", rows)
         if not np.isfinite(rows).all():
             raise Error("transform must be finite")
         local = rows[:3].astype(np.float64)

@@ -215,3 +215,10 @@ def mesh_of(
     if origin is not None:
         mesh.origin = origin.copy()
     return mesh
+
+
+def check_affine(name: str, matrices: NDArray[Any]) -> None:
+    """Refuses (..., 4, 4) matrices with another last row: those of row vectors have the translation
+    there, which would be lost."""
+    if matrices.shape[-2:] == (4, 4) and (matrices[..., 3, :] != (0, 0, 0, 1)).any():
+        raise Error(f"the last row of {name} must be 0, 0, 0, 1")

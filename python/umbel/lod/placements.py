@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from umbel.errors import Error
-from umbel.geometry.arrays import numbers
+from umbel.geometry.arrays import check_affine, numbers
 
 _CHUNK = 1 << 20
 
@@ -25,6 +25,7 @@ class Placements:
         rows = numbers("transforms", transforms)
         if rows.ndim != 3 or rows.shape[1:] not in ((3, 4), (4, 4)):
             raise Error(f"transforms must have shape (n, 3, 4) or (n, 4, 4), not {rows.shape}")
+        check_affine("transforms", rows)
         which = numbers("meshes", meshes)
         if which.dtype.kind not in "iu":
             raise Error(f"meshes must be whole numbers, not {which.dtype}")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
-from umbel.geometry.arrays import numbers, thread_count, whole
+from umbel.geometry.arrays import check_affine, numbers, thread_count, whole
 from umbel.geometry.mesh import Material
 from umbel.geometry.origin import origin_of, relative_transform, zero_origin
 from umbel.lod.attribute_precision import attribute_precision
@@ -170,6 +170,8 @@ def _placed(
     given = [numbers("an instance's transform", matrix) for _, matrix in instances]
     if any(matrix.shape not in ((3, 4), (4, 4)) for matrix in given):
         raise Error("an instance's transform must have shape (3, 4) or (4, 4)")
+    for matrix in given:
+        check_affine("an instance's transform", matrix)
     if len(meshes) and not 0 <= meshes.min() <= meshes.max() < len(lods):
         raise Error(f"an instance is of mesh {meshes.max()}, but there are {len(lods)}")
     local = [

@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from umbel import _umbel
 from umbel.cluster.clusters import ClusterBounds
 from umbel.errors import Error
-from umbel.geometry.arrays import array_of, indices, numbers, rows, thread_count, whole
+from umbel.geometry.arrays import (
+    array_of,
+    check_affine,
+    indices,
+    numbers,
+    rows,
+    thread_count,
+    whole,
+)
 from umbel.geometry.camera import Camera, moved_planes
 from umbel.geometry.origin import origin_of
 from umbel.geometry.repair import Progress
@@ -267,6 +275,7 @@ class Tables:
         array = numbers("transforms", transforms)
         if array.ndim != 3 or array.shape[1:] not in ((3, 4), (4, 4)):
             raise Error(f"transforms must have shape (i, 3, 4) or (i, 4, 4), not {array.shape}")
+        check_affine("transforms", array)
         local = array[:, :3]
         if self.origin.any():
             local = local.astype(np.float64)

@@ -98,6 +98,10 @@ def test_placements_far_from_the_origin_keep_their_digits(tmp_path: Path) -> Non
 def test_wrong_placements_are_refused(tmp_path: Path) -> None:
     with pytest.raises(umbel.Error, match=r"\(n, 3, 4\)"):
         umbel.Placements(np.zeros((5, 12)))
+    of_rows = np.tile(np.eye(4), (3, 1, 1))
+    of_rows[1, 3, :3] = 5
+    with pytest.raises(umbel.Error, match="the last row of transforms must be 0, 0, 0, 1"):
+        umbel.Placements(of_rows)
     with pytest.raises(umbel.Error, match="whole"):
         umbel.Placements(grid(3), np.zeros(3))
     with pytest.raises(umbel.Error, match=r"\(3,\)"):
@@ -105,6 +109,10 @@ def test_wrong_placements_are_refused(tmp_path: Path) -> None:
     lod = umbel.build_lod(umbel.shapes.blob(2, seed=1))
     with pytest.raises(umbel.Error, match="instance 1 is of mesh 4"):
         umbel.save_asset(tmp_path / "a.umbel", [lod], umbel.Placements(grid(3), [0, 4, 0]))
+    with pytest.raises(umbel.Error, match="the last row of an instance's transform"):
+        umbel.save_asset(tmp_path / "a.umbel", [lod], [(0, of_rows[1])])
+    with pytest.raises(umbel.Error, match="the last row of transforms"):
+        lod.tables.instance_cuts(of_rows, lod.tables.view(level=0))
     for none in (umbel.Placements(grid(3)[:0]), [], ()):
         with pytest.raises(umbel.Error, match="there are no instances"):
             umbel.save_asset(tmp_path / "a.umbel", [lod], none)
