@@ -68,6 +68,8 @@ def read_tables(data: bytes, where: str) -> dict[str, Columns]:
         for element in elements:
             columns[element.name], at = _ascii_element(values, at, element, place)
         left_out, what = len(values) - at, "numbers"
+        if left_out:
+            _check_lines(elements, columns, place)
         if not data.endswith((b"\n", b"\r")) and len(values):
             last = place.named(len(values) - 1)
             _warn(f"{last}: the last line has no end; the file may be cut short")
@@ -319,6 +321,30 @@ def _gather(
         target = starts[rows, None] + np.arange(length)
         out[target.reshape(-1)] = raw[source].reshape(-1, dtype.itemsize)
     return out.reshape(-1).view(dtype)
+
+
+def _check_lines(elements: list[Element], columns: dict[str, Columns], place: _Position) -> None:
+    """Raises where a row does not begin with a line: the row before has more or fewer numbers than
+    it should have, and all that follow are wrong."""
+    words = Words.of(place.data[place.body :])
+    line_end = ord("\n") if b"\n" in place.data else ord("\r")
+    lines = np.cumsum(words.text == line_end)[words.starts]  # of each word
+    at = last = 0
+    for element in elements:
+        sizes = np.zeros(element.count if element.properties else 0, np.int64)
+        for p in element.properties:
+            column = columns[element.name][p.name]
+            sizes += 1 + column.counts if isinstance(column, ListColumn) else 1
+        starts = at + np.cumsum(sizes) - sizes
+        before = np.concatenate([[last], starts])
+        wrong = np.flatnonzero((starts > 0) & (lines[starts] == lines[np.maximum(starts - 1, 0)]))
+        if len(wrong):
+            row = int(before[wrong[0]])
+            raise Error(
+                f"{place.named(row)}: the line has {(lines == lines[row]).sum()} numbers, which is "
+                f"no row of its element"
+            )
+        at, last = at + int(sizes.sum()), int(before[-1])
 
 
 def _ascii_element(

@@ -355,6 +355,8 @@ ASCII = ply_bytes(
         (GOOD[:100], "end_header"),
         (ASCII[:-8], "cut short"),
         (ASCII.replace(b"1.0 0.0 0.0", b"1.0 zero 0.0"), "'zero' is no number"),
+        (ASCII.replace(b"0.0 0.0 0.0", b"0.0 0.0 0.0 2.0"), "line 11: the line has 4 numbers"),
+        (ASCII.replace(b"3 0 ", b"3 0 0 ", 1), "line 15: the line has 5 numbers"),
         (GOOD.replace(b"element vertex 4", b"element vertex 999999999999999999"), "vertex"),
         (GOOD.replace(b"element face 4", b"element face 4000000000"), "face"),
         (ASCII.replace(b"element face 4", b"element face 4000000000"), "face"),
