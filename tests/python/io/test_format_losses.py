@@ -118,6 +118,27 @@ def test_obj_of_an_obj_is_the_same(tmp_path: Path) -> None:
         assert found.path.name == name and found.encoded() == image(7).encoded()
 
 
+@pytest.mark.parametrize("options", ["", "-o 0.5 0.25 0 -s 2 3 1 "])
+def test_obj_of_an_obj_is_the_same_through_an_asset_and_gltf(tmp_path: Path, options: str) -> None:
+    (tmp_path / "wood.png").write_bytes(image(7).encoded())
+    (tmp_path / "a.mtl").write_text(f"newmtl wood\nmap_Kd {options}wood.png\n")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0.1\nvt 1 0.2\nvt 0 0.3\nusemtl wood\n"
+        "f 1/1 2/2 3/3\n"
+    )
+    mesh = umbel.load(tmp_path / "a.obj")
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel")
+    umbel.save(tmp_path / "a.glb", mesh)
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    extracted = asset.scene_mesh(asset.scene_cuts(level=0))
+    for again in (mesh, extracted, umbel.load(tmp_path / "a.glb")):
+        umbel.save(tmp_path / "b.obj", again)
+        assert np.array_equal(np.sort(umbel.load(tmp_path / "b.obj").uvs, 0), np.sort(mesh.uvs, 0))
+        [line] = [x for x in (tmp_path / "b.mtl").read_text().splitlines() if "map_Kd" in x]
+        assert line.startswith(f"map_Kd {options}")
+        assert line.count("-") == options.count("-")
+
+
 def test_obj_has_no_opacity_of_what_is_opaque(tmp_path: Path) -> None:
     for mode, opacity in (("OPAQUE", 1.0), ("BLEND", 0.25)):
         material = umbel.Material("m", base_color=(1, 1, 1, 0.25), alpha_mode=mode)

@@ -63,8 +63,8 @@ class MtlWriter:
 
     `files` are all of them by their names, `ours` those that may be replaced when the OBJ file is,
     `name` is the library's, `lost` says what it cannot hold. Where `flips`, the v of texture
-    coordinates count from the image's top, and must be turned round for OBJ, which counts from the
-    bottom.
+    coordinates count from the image's top for most textures, and must be turned round for OBJ,
+    which counts from the bottom.
     """
 
     def __init__(self, path: Path, materials: list[Material]) -> None:
@@ -73,9 +73,12 @@ class MtlWriter:
         self.files: dict[str, bytes] = {}
         self.name = ""
         self.lost: list[str] = []
-        images = [image for material in materials for image in material.images.values()]
-        self.flips = bool(images) and not any(image.bottom_up for image in images)
-        beside = [self._name_beside(image) for image in images]
+        used = [
+            (m.textures.get(slot, {}), image) for m in materials for slot, image in m.images.items()
+        ]
+        turned = [_is_turned(info, image) for info, image in used]
+        self.flips = 2 * sum(turned) < len(turned)
+        beside = [self._name_beside(image) for _, image in used]
         self._side_names = SideNames(path, written_with, filter(None, beside))
         self._named: dict[bytes, str] = {}
         written = [self._material(*one) for one in zip(materials, self.names, strict=True)]
@@ -146,7 +149,7 @@ class MtlWriter:
 
     def _options(self, info: dict[str, Any], slot: str, image: TextureImage) -> str | None:
         """The map's transform; None where OBJ cannot express it."""
-        moved = (info.get("extensions") or {}).get("KHR_texture_transform") or {}
+        moved = _transform(info)
         if moved.get("texCoord", info.get("texCoord", 0)) or moved.get("rotation", 0):
             return None
         default = ((0.0, 1.0), (1.0, -1.0)) if image.bottom_up else ((0.0, 0.0), (1.0, 1.0))
@@ -208,3 +211,13 @@ class MtlWriter:
     def _say(self, what: str) -> None:
         if what not in self.lost:
             self.lost.append(what)
+
+
+def _transform(info: dict[str, Any]) -> dict[str, Any]:
+    return (info.get("extensions") or {}).get("KHR_texture_transform") or {}
+
+
+def _is_turned(info: dict[str, Any], image: TextureImage) -> bool:
+    """Whether v count from the image's bottom, as they do in files that were made of an OBJ."""
+    default = (1, -1) if image.bottom_up else (1, 1)
+    return bool(_transform(info).get("scale", default)[1] < 0)
