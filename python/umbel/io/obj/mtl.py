@@ -122,6 +122,7 @@ class _Statements:
         self._outside = outside  # sentences on textures that are not looked for
         self._grey = grey  # which images are, of those that were looked at
         self._has_roughness = False  # of its own: then the exponent does not count
+        self._has_emission = False  # of its own: then a map of it is multiplied by that
 
     def take(self, word: str, rest: str) -> list[str]:
         """Takes a statement, and gives what of it is left out."""
@@ -143,7 +144,7 @@ class _Statements:
             if key == "kd":
                 material.base_color = (r, g, b, material.base_color[3])
             else:
-                material.emissive = (r, g, b)
+                material.emissive, self._has_emission = (r, g, b), True
         elif key in ("d", "tr"):
             alpha = values[-1] if key == "d" else 1.0 - values[0]
             material.base_color = (*material.base_color[:3], alpha)
@@ -176,6 +177,8 @@ class _Statements:
             info["extensions"] = {"KHR_texture_transform": moved}
         self.material.textures[slot] = info
         self.material.images.pop(slot, None)
+        if slot == "emissive" and not self._has_emission:
+            self.material.emissive = (1.0, 1.0, 1.0)
         if self._folder is None:
             return lost
         wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"

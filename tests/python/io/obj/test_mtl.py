@@ -108,6 +108,21 @@ def test_maps_of_heights_are_no_maps_of_normals(tmp_path: Path, mode: str) -> No
     )
 
 
+@pytest.mark.parametrize(
+    ("lines", "emissive"),
+    [
+        ("map_Ke a.png", (1, 1, 1)),
+        ("Ke 0.5 0 0\nmap_Ke a.png", (0.5, 0, 0)),
+        ("map_Ke a.png\nKe 0 0 0", (0, 0, 0)),
+    ],
+)
+def test_a_map_of_emission_alone_shines(
+    tmp_path: Path, lines: str, emissive: tuple[float, float, float]
+) -> None:
+    material, said = read(tmp_path, f"newmtl m\n{lines}\n")
+    assert (material.emissive, said) == (emissive, [])
+
+
 def test_opacity_of_halos_is_opacity(tmp_path: Path) -> None:
     material, [said] = read(tmp_path, "newmtl m\nd -halo 0.25\n")
     assert (material.base_color[3], material.alpha_mode) == (0.25, "BLEND")
