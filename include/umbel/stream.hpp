@@ -66,7 +66,7 @@ struct LinkModel {
   double bytes_per_second = 20e6;
   /// Share of loads that fail, [0, 1]: a third each arrive empty, short, and corrupt.
   double failure_rate = 0;
-  double slow_rate = 0;  ///< share of loads that take ten times as long
+  double slow_rate = 0;  ///< share of loads that take ten times as long, [0, 1]
   uint32_t seed = 1;
 };
 /// Simulates loading pages of `asset` over the link. The caller sets `*clock`, in seconds, before

@@ -91,9 +91,13 @@ class ModelLoader : public PageLoader {
 
 std::unique_ptr<PageLoader> make_model_loader(const Asset& asset, const LinkModel& link,
                                               std::shared_ptr<const double> clock) {
+  const auto is_share = [](double rate) { return rate >= 0 && rate <= 1; };
   if (!(link.latency_seconds >= 0) || !(link.bytes_per_second > 0) || !clock)
     throw Error(ErrorCode::kInvalidArgument,
                 "a link needs a latency that is not negative, a bandwidth and a clock");
+  if (!is_share(link.failure_rate) || !is_share(link.slow_rate))
+    throw Error(ErrorCode::kInvalidArgument,
+                "the shares of a link's loads that fail and that are slow must be from 0 to 1");
   return std::make_unique<ModelLoader>(asset, link, std::move(clock));
 }
 

@@ -63,8 +63,8 @@ void check(const ResidencyConfig& config) {
 
 void check_budget(uint64_t budget, uint64_t pinned) {
   if (budget < pinned)
-    refuse("budget_bytes is " + std::to_string(budget) +
-           ", but the pages of the root groups take " + std::to_string(pinned));
+    refuse("a budget of " + std::to_string(budget) +
+           " bytes is too small: the pages of the root groups take " + std::to_string(pinned));
 }
 
 void check(const StreamView& view, size_t index, size_t meshes) {

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
-from umbel.geometry.arrays import thread_count, whole
+from umbel.geometry.arrays import number, thread_count, whole
 from umbel.geometry.camera import Camera
 from umbel.lod.asset import Asset
 
@@ -61,12 +61,12 @@ class Residency:
             whole("bytes_per_step", bytes_per_step, _MOST),
             whole("evictions_per_step", evictions_per_step),
             whole("groups_per_step", groups_per_step),
-            hysteresis,
+            _at_least("hysteresis", hysteresis, 1),
             whole("attempts", attempts),
-            backoff,
-            slow,
+            _at_least("backoff", backoff, 0),
+            _at_least("slow", slow, 0),
             thread_count(threads),
-            link,
+            None if link is None else _link(link),
         )
         _open.add(self)
 
@@ -141,6 +141,19 @@ def _close_all() -> None:
     """Threads that call Python must have ended before the interpreter does."""
     for residency in list(_open):
         residency.close()
+
+
+def _at_least(name: str, value: float, least: int) -> float:
+    if not number(name, value) >= least:
+        raise Error(f"{name} must be at least {least}, not {value}")
+    return float(value)
+
+
+def _link(link: Sequence[float]) -> tuple[float, float, float, float]:
+    if len(link) != 4:
+        raise Error(f"link must have 4 numbers, not {len(link)}")
+    latency, rate, fail, slow = (number("link", value) for value in link)
+    return latency, rate, fail, slow
 
 
 def _view(view: Camera | float) -> _umbel.View:

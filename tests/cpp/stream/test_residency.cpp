@@ -188,6 +188,26 @@ TEST(Residency, tries_broken_pages_again_later_and_then_stays_coarse) {
   EXPECT_TRUE(s.residency.statistics().given_up.empty());
 }
 
+TEST(Residency, waits_twice_as_long_before_each_further_try) {
+  ResidencyConfig config;
+  config.attempts = 4;
+  config.backoff_seconds = 0.5;
+  Streamed s(config);
+  const uint32_t page = world().asset().roots()[0].page == 0 ? 1 : 0;
+  s.postman->broken.insert(page);
+  std::vector<double> tries;
+  for (int i = 0; i < 600; ++i) {
+    s.step(lod::view_error(0));
+    if (s.postman->requests[page] > tries.size()) tries.push_back(s.now);
+  }
+  ASSERT_EQ(tries.size(), 4u);
+  for (size_t i = 0; i < 3; ++i) {
+    const double pause = tries[i + 1] - tries[i], backoff = 0.5 * std::exp2(i);
+    EXPECT_GE(pause, backoff);
+    EXPECT_LE(pause, backoff + 0.3);  // until it has failed
+  }
+}
+
 TEST(Residency, asks_again_for_what_never_comes) {
   ResidencyConfig config;
   config.slow_seconds = 0.1;
@@ -352,6 +372,8 @@ TEST(Residency, over_a_simulated_link_takes_the_time_that_it_takes) {
       return problem.find(part) != std::string::npos;
     })) << part;
   EXPECT_THROW(make_model_loader(world().asset(), {-1}, clock), Error);
+  EXPECT_THROW(make_model_loader(world().asset(), {.failure_rate = 1.1}, clock), Error);
+  EXPECT_THROW(make_model_loader(world().asset(), {.slow_rate = -0.1}, clock), Error);
 }
 
 template <typename Work>
@@ -378,9 +400,9 @@ TEST(Residency, refuses_what_cannot_be_by_its_name) {
           [](auto& c) { c.slow_seconds = -1; });
   Residency residency(world().asset());
   const std::string pinned = std::to_string(residency.statistics().pinned_bytes);
-  const std::string small = ", but the pages of the root groups take " + pinned;
-  refuses(("budget_bytes is 100" + small).c_str(), [](auto& c) { c.budget_bytes = 100; });
-  expect_refusal(("budget_bytes is 1" + small).c_str(), [&] { residency.set_budget(1); });
+  const std::string small = " bytes is too small: the pages of the root groups take " + pinned;
+  refuses(("a budget of 100" + small).c_str(), [](auto& c) { c.budget_bytes = 100; });
+  expect_refusal(("a budget of 1" + small).c_str(), [&] { residency.set_budget(1); });
   const auto refuses_view = [&](const char* sentence, const StreamView& view) {
     const StreamView views[] = {{0, lod::view_error(1), {}}, view};
     expect_refusal(sentence, [&] { residency.step(views, 0); });

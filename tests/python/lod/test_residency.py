@@ -14,6 +14,7 @@ import weakref
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -415,6 +416,19 @@ def test_residency_says_what_it_cannot_do(folder: Path) -> None:
     ):
         with pytest.raises(umbel.Error, match=f"^{name} must be from 0"):
             call()
+    wrong: list[tuple[dict[str, Any], str]] = [
+        ({"hysteresis": 0.5}, "hysteresis must be at least 1, not 0.5"),
+        ({"hysteresis": "two"}, "hysteresis must be a number"),
+        ({"backoff": float("nan")}, "backoff must be at least 0"),
+        ({"slow": -1}, "slow must be at least 0"),
+        ({"link": (0.1, 1e6)}, "link must have 4 numbers, not 2"),
+        ({"link": (0.1, 1e6, 0, "1")}, "link must be a number, not '1'"),
+        ({"link": (0.1, 1e6, 1.5, 0)}, "the shares of a link's loads .* from 0 to 1"),
+        ({"link": (0.1, 1e6, 0, float("nan"))}, "the shares of a link's loads .* from 0 to 1"),
+    ]
+    for options, sentence in wrong:
+        with pytest.raises(umbel.Error, match=f"^{sentence}"):
+            umbel.Residency(asset, **options)
 
 
 def test_several_meshes_instances_and_textures_come_back(tmp_path: Path) -> None:
