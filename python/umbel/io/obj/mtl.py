@@ -177,8 +177,6 @@ class _Statements:
             info["extensions"] = {"KHR_texture_transform": moved}
         self.material.textures[slot] = info
         self.material.images.pop(slot, None)
-        if slot == "emissive" and not self._has_emission:
-            self.material.emissive = (1.0, 1.0, 1.0)
         if self._folder is None:
             return lost
         wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
@@ -191,6 +189,8 @@ class _Statements:
         self.material.images[slot] = TextureImage(
             path=path, wrap_u=wrap, wrap_v=wrap, bottom_up=not moved
         )
+        if slot == "emissive" and not self._has_emission and path.is_file():
+            self.material.emissive = (1.0, 1.0, 1.0)
         return lost
 
     def _has_heights(self, name: str) -> bool:

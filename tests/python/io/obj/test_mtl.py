@@ -114,11 +114,13 @@ def test_maps_of_heights_are_no_maps_of_normals(tmp_path: Path, mode: str) -> No
         ("map_Ke a.png", (1, 1, 1)),
         ("Ke 0.5 0 0\nmap_Ke a.png", (0.5, 0, 0)),
         ("map_Ke a.png\nKe 0 0 0", (0, 0, 0)),
+        ("map_Ke gone.png", (0, 0, 0)),
     ],
 )
 def test_a_map_of_emission_alone_shines(
     tmp_path: Path, lines: str, emissive: tuple[float, float, float]
 ) -> None:
+    (tmp_path / "a.png").write_bytes(b"an image")
     material, said = read(tmp_path, f"newmtl m\n{lines}\n")
     assert (material.emissive, said) == (emissive, [])
 
