@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Iterator
@@ -189,7 +190,7 @@ class _Statements:
         self.material.images[slot] = TextureImage(
             path=path, wrap_u=wrap, wrap_v=wrap, bottom_up=not moved
         )
-        if slot == "emissive" and not self._has_emission and path.is_file():
+        if slot == "emissive" and not self._has_emission and os.path.isfile(path):
             self.material.emissive = (1.0, 1.0, 1.0)
         return lost
 

@@ -115,6 +115,7 @@ def test_maps_of_heights_are_no_maps_of_normals(tmp_path: Path, mode: str) -> No
         ("Ke 0.5 0 0\nmap_Ke a.png", (0.5, 0, 0)),
         ("map_Ke a.png\nKe 0 0 0", (0, 0, 0)),
         ("map_Ke gone.png", (0, 0, 0)),
+        (f"map_Ke {'a' * 300}.png", (0, 0, 0)),
     ],
 )
 def test_a_map_of_emission_alone_shines(
