@@ -18,7 +18,7 @@ class Progress {
     if (!options_.progress) return;
     highest_ = std::max(highest_, static_cast<float>(std::clamp(fraction, 0.0, 1.0)));
     if (!options_.progress(highest_, stage))
-      throw Error(ErrorCode::kCancelled, "cancelled while " + std::string(stage));
+      throw Error(ErrorCode::kCancelled, "cancelled (" + std::string(stage) + ")");
   }
 
  private:

@@ -211,6 +211,7 @@ def test_what_cannot_be_meant_is_refused_before_any_work(
     for arguments, words in (
         ([twins, "-o", tmp_path / "out"], ("same.obj", "same.ply", "same.umbel")),
         ([*good, "-o", tmp_path / "out.umbel"], ("out.umbel", "folder")),
+        ([good[0], "-o", f"{tmp_path}/one.umbel/"], ("one.umbel/", "last character")),
         ([*good, "-o", tmp_path / "file"], ("file",)),
         ([*good, "-o", "/proc/out"], ("/proc/out",)),
         ([tmp_path / "*.glb", "-o", tmp_path / "out"], ("*.glb",)),
