@@ -21,6 +21,7 @@ from umbel.io.obj.mtl import map_names, words_of
 _BLOCK = 1 << 20
 _JSON_CHUNK = 0x4E4F534A
 _CONTINUED = re.compile(rb"\\\s*\n\s*")
+_COMMENT = re.compile(rb"\s#.*")
 
 
 def references(name: str, data: Any) -> list[str]:
@@ -173,9 +174,9 @@ def _rests_of_lines(data: Any, word: bytes) -> Iterable[str]:
             begin = data.rfind(b"\n", max(0, at - 64), at) + 1
             line = data[max(begin, at - 64) : _line_end(data, at)].strip()
             at = data.find(spelling, at + len(spelling))
-            words = _CONTINUED.sub(b" ", line).split(None, 1)
+            words = _COMMENT.sub(b"", _CONTINUED.sub(b" ", line)).split(None, 1)
             if line.startswith(spelling) and len(words) > 1:
-                yield os.fsdecode(words[1])
+                yield os.fsdecode(words[1].rstrip())
 
 
 def _line_end(data: bytes, at: int) -> int:

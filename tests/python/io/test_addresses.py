@@ -190,6 +190,7 @@ def test_references_are_found(folder: Path) -> None:
     assert references("a.obj", b"v 0 0 0\nmtllib my paint.mtl") == [
         *("my paint.mtl", "my", "paint.mtl"),
     ]
+    assert references("a.obj", b"mtllib a#1.mtl # my paint\nmtllib # none\n") == ["a#1.mtl"]
     assert references("a.obj", b"v 0 0 0\rmtllib a.mtl\rmtllib b.mtl\r") == ["a.mtl", "b.mtl"]
     assert references("a.obj", b"mtllib \\ \r\n a.mtl \\\n b.mtl\nmtllib c.mtl\n") == [
         *("a.mtl  b.mtl", "a.mtl", "b.mtl", "c.mtl"),
