@@ -125,6 +125,14 @@ bool is_temporary(const fs::path& path) {
   return name.starts_with('.') && name.ends_with(".tmp");
 }
 
+// What there may be without a manifest, which is a build's first file and its last. Folders of
+// others may be called "source" or "t1" as well.
+bool is_before_manifest(const fs::directory_entry& entry) {
+  const fs::path& path = entry.path();
+  if (path.filename() == "lock") return entry.is_regular_file() && entry.file_size() == 0;
+  return is_temporary(path) && path.filename().string().starts_with(".manifest.json.");
+}
+
 // What a build makes in its folder: files of these names, and folders t0, t1, ...
 bool is_own(const fs::path& path) {
   const std::string name = path.filename().string();
@@ -168,8 +176,9 @@ WorkFolder::WorkFolder(fs::path path, const Identity& identity, bool resume)
     throw Error(ErrorCode::kIo,
                 "cannot make the folder " + path_.string() + ": " + error.message());
   // Before anything is written: a folder of somebody else's stays as it is.
+  const bool is_begun = fs::exists(manifest_file(path_));
   for (const fs::directory_entry& entry : fs::directory_iterator(path_))
-    if (!is_own(entry.path()))
+    if (!(is_begun ? is_own(entry.path()) : is_before_manifest(entry)))
       refuse("the work folder " + path_.string() + " has files that are no build's, such as " +
              entry.path().filename().string() + ": name one that is empty");
   lock();

@@ -163,10 +163,13 @@ class Staging:
 
     def _refuse_others(self) -> None:
         """A folder of somebody else's stays as it is."""
-        for name in self._remote.files():
+        there = self._remote.files()
+        # The manifest is stored first and removed last.
+        begun = "manifest.json" in there
+        for name in there:
             first = name.split("/")[0]
-            own = first in (LOCK, "manifest.json") or (first[:1] == "t" and first[1:].isdigit())
-            if not own:
+            made = first == "manifest.json" or (first[:1] == "t" and first[1:].isdigit())
+            if not (name == LOCK or (begun and made)):
                 raise Error(
                     f"the work folder {self.url} has files that are no build's, such as {name}: "
                     "name one that is empty"

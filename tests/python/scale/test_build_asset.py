@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
 import shutil
@@ -294,6 +295,19 @@ def test_blocks_that_end_in_an_exception_leave_no_folder(tmp_path: Path) -> None
         assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.parametrize("own", ["source/mesh.ply", "t1/notes.txt", "lock", ".a.ply.1.0.tmp"])
+def test_folders_of_others_are_left_alone_whatever_their_names(
+    own: str, terrain: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "work" / own
+    file.parent.mkdir(parents=True)
+    file.write_bytes(b"precious")
+    with pytest.raises(umbel.Error, match="has files that are no build's"):
+        build_asset(terrain, tmp_path / "a.umbel", work=tmp_path / "work", unit_triangles=UNIT)
+    assert [path for path in (tmp_path / "work").rglob("*") if path.is_file()] == [file]
+    assert file.read_bytes() == b"precious"
+
+
 def test_metadata_that_is_no_json_is_refused_before_units_are_built(
     terrain: Path, tmp_path: Path
 ) -> None:
@@ -303,14 +317,21 @@ def test_metadata_that_is_no_json_is_refused_before_units_are_built(
 
 
 def test_files_of_the_work_folder_that_cannot_be_written_are_named(
-    terrain: Path, tmp_path: Path
+    terrain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    write = Path.write_bytes
     for name in ("source_stamp", "t0/source.json"):
-        work = tmp_path / name.replace("/", "-")
-        (work / name).mkdir(parents=True)
-        with pytest.raises(umbel.Error, match=f"cannot write .*{name}: Is a directory") as caught:
-            build_asset(terrain, tmp_path / "a.umbel", work=work, executor=InProcess())
+
+        def full(path: Path, data: bytes, name: str = name) -> int:
+            if path.as_posix().endswith(name):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return write(path, data)
+
+        monkeypatch.setattr(Path, "write_bytes", full)
+        with pytest.raises(umbel.Error, match=f"cannot write .*{name}: No space left") as caught:
+            build_asset(terrain, tmp_path / "a.umbel", work=tmp_path / "work", executor=InProcess())
         assert caught.value.code == "io"
+        shutil.rmtree(tmp_path / "work")
     (tmp_path / "file").touch()
     with pytest.raises(umbel.Error, match=r"cannot make the folder .*file: File exists"):
         umbel.build_lod(terrain, work=tmp_path / "file")

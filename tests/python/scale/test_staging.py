@@ -187,11 +187,12 @@ def test_attributes_that_are_not_wanted(bucket: Any, tmp_path: Path) -> None:
         assert bucket.cat("/bucket/scan.umbel") == (tmp_path / "a.umbel").read_bytes()
 
 
-def test_folders_of_others_are_left_alone(bucket: Any) -> None:
-    bucket.pipe("/bucket/work/notes.txt", b"mine")
-    with pytest.raises(umbel.Error, match=r"no build's, such as notes\.txt"):
+@pytest.mark.parametrize("own", ["notes.txt", "t1/mesh.ply"])
+def test_folders_of_others_are_left_alone(bucket: Any, own: str) -> None:
+    bucket.pipe(f"/bucket/work/{own}", b"mine")
+    with pytest.raises(umbel.Error, match=f"no build's, such as {own}"):
         build(InProcess())
-    assert names(bucket) == ["/bucket/work/notes.txt"]
+    assert names(bucket) == [f"/bucket/work/{own}"]
 
 
 def test_addresses_without_an_executor(bucket: Any, made_of_tiles: bytes) -> None:
