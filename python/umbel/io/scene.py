@@ -146,15 +146,16 @@ Part = tuple[int, UInt32Array, UInt32Array | None]
 
 
 def with_default(
-    materials: list[Material], ids: UInt32Array | None
+    materials: list[Material], ids: UInt32Array | None, metallic: float = 1.0
 ) -> tuple[list[Material], UInt32Array | None]:
-    """The materials, with one more for the triangles that have none where there are such."""
+    """The materials, with one more for the triangles that have none where there are such: that of
+    glTF, which is of metal, or another."""
     if ids is None or not (ids == NO_MATERIAL).any():
         return materials, ids
     if not materials and (ids == NO_MATERIAL).all():
         return materials, None
     ids = np.where(ids == NO_MATERIAL, np.uint32(len(materials)), ids)
-    return [*materials, Material(name="default", metallic=1.0)], ids
+    return [*materials, Material(name="default", metallic=metallic)], ids
 
 
 def join(blocks: list[Mesh], parts: list[Part]) -> Mesh:

@@ -264,9 +264,7 @@ class _Plan:
             if indices is not None:
                 columns["indices"] = column(indices, "")
                 triangles = self._accessor(indices)["count"] // 3
-            number = None if not entries else material
-            if number is not None and number != NO_MATERIAL:
-                number = numbers[number]
+            number = NO_MATERIAL if material == NO_MATERIAL else numbers[material]
             layout.add_part(
                 str(self.path),
                 columns,

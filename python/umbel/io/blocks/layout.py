@@ -124,7 +124,9 @@ class Layout:
         )
         default = len(self.materials)
         if self.materials and missing:
-            self.materials.append(Material(name="default", metallic=1.0))
+            # Only glTF's is of metal.
+            of_gltf = any(p.material == NO_MATERIAL for p in self.parts)
+            self.materials.append(Material(name="default", metallic=float(of_gltf)))
         for part in self.parts:
             material = part.material
             if material is None or material == NO_MATERIAL:

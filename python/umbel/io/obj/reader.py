@@ -40,7 +40,7 @@ def read_obj(source: bytes | Path, where: str, folder: Folder | None = None) -> 
     mesh.fault = _text(arrays["fault"])
     ids = arrays["materials"]
     materials = [] if ids is None else materials_of(arrays, folder, where)
-    mesh.materials, mesh.material_ids = with_default(materials, ids)
+    mesh.materials, mesh.material_ids = with_default(materials, ids, metallic=0.0)
     return Scene([mesh], mesh.materials, [Instance(0)])
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from helpers.mesh_files import corners
 from helpers.meshes import linear
 from helpers.refusals import refused
-from umbel import Bvh, KdTree, TwoLevelGrid, build_lod, cluster_mesh, validate
+from umbel import Bvh, KdTree, Material, TwoLevelGrid, build_lod, cluster_mesh, validate
 from umbel.bvh import build_bvh2, build_kary, kmeans_times
 from umbel.errors import Error, LoadWarning
 from umbel.io import load
@@ -154,6 +154,9 @@ def test_materials_come_with_their_library(tmp_path: Path) -> None:
     )  # fmt: skip
     assert [m.name for m in mesh.materials] == ["red", "other", "default"]
     assert mesh.material_ids.tolist() == [2, 0, 0, 1, 0]
+    assert mesh.materials[2] == Material(name="default")  # no metal, as others without statements
+    parts = open_source(tmp_path / "mesh.obj", tmp_path / "work")
+    assert parts.materials[2] == mesh.materials[2]
     red = mesh.materials[0]
     assert red.base_color == (1, 0, 0, 0.5)
     assert red.emissive == (0, 0, 2)
