@@ -123,6 +123,7 @@ class _Statements:
         self._outside = outside  # sentences on textures that are not looked for
         self._grey = grey  # which images are, of those that were looked at
         self._has_roughness = False  # of its own: then the exponent does not count
+        self._has_opacity = False  # of its own: then transparency does not count
         self._has_emission = False  # of its own: then a map of it is multiplied by that
 
     def take(self, word: str, rest: str) -> list[str]:
@@ -148,6 +149,10 @@ class _Statements:
                 material.emissive, self._has_emission = (r, g, b), True
         elif key in ("d", "tr"):
             alpha = values[-1] if key == "d" else 1.0 - values[0]
+            if key == "tr" and self._has_opacity:  # some programs mean opacity by it
+                same = abs(alpha - material.base_color[3]) < 1e-3
+                return [] if same else [" ".join([word, *words[:1]])]
+            self._has_opacity |= key == "d"
             material.base_color = (*material.base_color[:3], alpha)
             material.alpha_mode = "BLEND" if alpha < 1.0 else "OPAQUE"
         elif key == "pm":

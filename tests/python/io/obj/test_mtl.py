@@ -109,6 +109,24 @@ def test_maps_of_heights_are_no_maps_of_normals(tmp_path: Path, mode: str) -> No
 
 
 @pytest.mark.parametrize(
+    ("lines", "alpha", "lost"),
+    [
+        ("Tr 0.25", 0.75, []),
+        ("d 0.25\nTr 0.75", 0.25, []),
+        ("d 1.0\nTr 1.0", 1.0, ["Tr 1.0"]),
+        ("Tr 1.0\nd 1.0", 1.0, []),
+    ],
+)
+def test_opacity_counts_more_than_transparency(
+    tmp_path: Path, lines: str, alpha: float, lost: list[str]
+) -> None:
+    material, said = read(tmp_path, f"newmtl m\n{lines}\n")
+    assert material.base_color[3] == alpha
+    assert material.alpha_mode == ("OPAQUE" if alpha == 1 else "BLEND")
+    assert said == [f"{tmp_path / 'a.mtl'}: left out: {one}" for one in lost]
+
+
+@pytest.mark.parametrize(
     ("lines", "emissive"),
     [
         ("map_Ke a.png", (1, 1, 1)),
