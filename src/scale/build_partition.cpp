@@ -10,6 +10,12 @@ namespace {
 
 constexpr double kFirstPlane[] = {1.0 / 2, 1.0 / 3};
 
+void add_to(uint32_t& cell, uint32_t count) {
+  if (count > std::numeric_limits<uint32_t>::max() - cell)
+    throw Error(ErrorCode::kUnsupported, "over 4294967295 triangles in one cell of a mesh");
+  cell += count;
+}
+
 float at(const Vec3& v, size_t axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
 }  // namespace
@@ -42,7 +48,7 @@ struct PartitionBuilder::Cells {
 
 void CellCounts::merge(const CellCounts& other) {
   for (size_t g = 0; g < grids.size(); ++g)
-    for (size_t k = 0; k < grids[g].size(); ++k) grids[g][k] += other.grids[g][k];
+    for (size_t k = 0; k < grids[g].size(); ++k) add_to(grids[g][k], other.grids[g][k]);
 }
 
 PartitionBuilder::PartitionBuilder(const Aabb& box, const PartitionConfig& config)
@@ -72,7 +78,7 @@ void PartitionBuilder::count(CellCounts& counts, const Vec3& centroid, uint32_t 
     which = static_cast<size_t>(found - pending_.begin());
   }
   const CellGrid& grid = partition_.grids_[pending_[which].grid];
-  counts.grids[which][grid.number(grid.cell_of(centroid))] += weight;
+  add_to(counts.grids[which][grid.number(grid.cell_of(centroid))], weight);
 }
 
 uint32_t PartitionBuilder::new_unit(uint64_t weight) {
@@ -86,10 +92,6 @@ void PartitionBuilder::advance(const CellCounts& counts) {
   const std::vector<Pending> now = std::exchange(pending_, {});
   next_.clear();
   for (size_t k = 0; k < now.size(); ++k) {
-    uint64_t total = 0;
-    for (uint32_t c : counts.grids[k]) total += c;
-    if (total > std::numeric_limits<uint32_t>::max())
-      throw Error(ErrorCode::kUnsupported, "over 4294967295 triangles in one part of a mesh");
     const CellGrid grid = partition_.grids_[now[k].grid];
     const Cells all{grid,
                     counts.grids[k],

@@ -20,7 +20,8 @@ struct PartitionConfig {
   uint32_t most_grids = 4;         ///< one within another; then triangles are dealt out by order
 };
 
-/// Counts in the cells of grids. Those of parts of the input add up.
+/// Counts in the cells of grids. Those of parts of the input add up. A cell of 2^32 triangles or
+/// more is kUnsupported.
 struct CellCounts {
   std::vector<std::vector<uint32_t>> grids;
   void merge(const CellCounts& other);
@@ -38,7 +39,6 @@ class PartitionBuilder {
   CellCounts empty_counts() const;
   /// Counts things with this centroid, in the grid of this round that it is in, if it is in one.
   void count(CellCounts& counts, const Vec3& centroid, uint32_t weight) const;
-  /// Throws kUnsupported where there are 2^32 triangles or more.
   void advance(const CellCounts& counts);
   Partition finished() const { return partition_; }
 

@@ -46,6 +46,22 @@ TEST(BuildPartition, PartsOfTheInputMayBeCountedApart) {
   EXPECT_EQ(builder.finished().bytes(), partition_of(mesh, config).bytes());
 }
 
+TEST(BuildPartition, OnlyACellHasLessThanTwoToThe32Triangles) {
+  constexpr uint32_t kMany = 3'000'000'000;
+  PartitionConfig config;
+  config.capacity = kMany;
+  config.resolution = 2;
+  PartitionBuilder builder({{0, 0, 0}, {1, 1, 1}}, config);
+  CellCounts counts = builder.empty_counts();
+  builder.count(counts, {0, 0, 0}, kMany);
+  EXPECT_THROW(builder.count(counts, {0, 0, 0}, kMany), Error);
+  CellCounts more = counts;
+  EXPECT_THROW(more.merge(counts), Error);
+  builder.count(counts, {1, 1, 1}, kMany);
+  builder.advance(counts);
+  EXPECT_EQ(builder.finished().units(), 2u);
+}
+
 TEST(BuildPartition, UnitsAreNeitherTooFullNorManyMoreThanNeeded) {
   for (uint32_t resolution : {2u, 16u, 256u}) {
     const Mesh mesh = shapes::terrain(120, 120, 1);
