@@ -175,9 +175,11 @@ def ordered(surface: Quantized) -> Quantized:
     count = len(surface.rows["POSITION"])
     parts, numbers = [], []
     for number, triangles in _by_material(surface):
-        flat = np.ascontiguousarray(triangles.reshape(-1))
-        order, old = _umbel.meshopt_reorder(flat, count)
-        parts.append(old[order])
+        # Of its own vertices: all of them for each of many materials would take a square of time.
+        own, inside = np.unique(triangles, return_inverse=True)
+        corners = inside.reshape(-1).astype(np.uint32)
+        order, old = _umbel.meshopt_reorder(corners, len(own))
+        parts.append(own[old[order]])
         numbers.append(np.full(len(triangles), 0 if number is None else number, np.uint32))
     flat = np.concatenate(parts)
     used, first = np.unique(flat, return_index=True)
