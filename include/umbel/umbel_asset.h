@@ -184,7 +184,9 @@ typedef struct umbel_page_group {
 UMBEL_C_API umbel_result umbel_page_get_groups(const umbel_page* page, umbel_page_group* groups,
                                                size_t capacity, size_t* count);
 
-/// The geometry of all clusters of a page, as umbel_lod_get_geometry gives it.
+/// The geometry of all clusters of a page, as umbel_lod_get_geometry gives it. Where the page's
+/// meshes have different further attributes, `extra_values` must be NULL
+/// (UMBEL_ERROR_UNSUPPORTED).
 UMBEL_C_API umbel_result umbel_page_get_geometry(const umbel_page* page,
                                                  const umbel_build_options* options,
                                                  umbel_lod_geometry* geometry);

@@ -53,7 +53,10 @@ ClusterStreams streams_of(const Asset& asset, const AssetPage& page) {
     last = page.groups[g].mesh;
     const lod::ClusterGeometry first = asset.decode(page, g).front();
     result.streams |= streams_in(first);
-    if (result.extras.empty()) result.extras = first.extras;
+    const std::vector<Extra> extras = without_material(first.extras);
+    if (extras.empty()) continue;
+    if (result.extras.empty()) result.extras = extras;
+    result.extras_differ |= extras != result.extras;
   }
   return result;
 }

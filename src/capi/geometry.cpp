@@ -42,6 +42,11 @@ bool has_material(std::span<const Extra> extras) {
 
 }  // namespace
 
+std::vector<Extra> without_material(std::span<const Extra> extras) {
+  const auto kept = extras.first(extras.size() - has_material(extras));
+  return {kept.begin(), kept.end()};
+}
+
 GeometryArrays::GeometryArrays(std::span<const lod::Cluster> clusters,
                                const ClusterStreams& streams, umbel_lod_geometry* geometry)
     : out_(read_struct(geometry, "geometry")) {
@@ -50,9 +55,7 @@ GeometryArrays::GeometryArrays(std::span<const lod::Cluster> clusters,
     append_offset(triangle_offsets_, cluster.triangle_count, "triangles");
     materials_.push_back(cluster.material);
   }
-  extras_ = streams.extras;
-  if (has_material(extras_)) extras_.pop_back();
-  out_.extra_width = extra_width(extras_);
+  out_.extra_width = extra_width(streams.extras);
   out_.streams = streams.streams | (out_.extra_width > 0 ? uint32_t{UMBEL_LOD_EXTRAS} : 0u);
   out_.cluster_count = clusters.size();
   out_.vertex_count = vertex_offsets_.back();
@@ -62,6 +65,10 @@ GeometryArrays::GeometryArrays(std::span<const lod::Cluster> clusters,
   if (out_.source_vertices && !(out_.streams & UMBEL_LOD_SOURCE_VERTICES))
     throw Error(ErrorCode::kUnsupported,
                 "geometry->source_vertices is not NULL, but files do not keep source vertices");
+  if (out_.extra_values && streams.extras_differ)
+    throw Error(ErrorCode::kUnsupported,
+                "geometry->extra_values is not NULL, but the meshes of the page have different "
+                "further attributes");
   write_clusters(clusters);
 }
 
@@ -103,12 +110,7 @@ void GeometryArrays::write(size_t i, const lod::ClusterGeometry& geometry,
 void GeometryArrays::write_extras(const lod::ClusterGeometry& geometry, size_t first) const {
   const size_t count = geometry.positions.size(), given = extra_width(geometry.extras);
   float* to = out_.extra_values + first * out_.extra_width;
-  const std::span<const Extra> kinds =
-      std::span(geometry.extras).first(geometry.extras.size() - has_material(geometry.extras));
-  if (!std::ranges::equal(kinds, extras_)) {
-    if (!kinds.empty())
-      throw Error(ErrorCode::kUnsupported,
-                  "extra_values: the meshes of the page have different further attributes");
+  if (without_material(geometry.extras).empty()) {
     std::fill_n(to, count * out_.extra_width, 0.0f);
     return;
   }

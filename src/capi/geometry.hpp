@@ -11,9 +11,13 @@ namespace umbel::capi {
 
 /// What clusters of a DAG or of a page have besides positions.
 struct ClusterStreams {
-  uint32_t streams = 0;       ///< umbel_lod_stream
-  std::vector<Extra> extras;  ///< as clusters have them, which may include a material
+  uint32_t streams = 0;        ///< umbel_lod_stream
+  std::vector<Extra> extras;   ///< without a material
+  bool extras_differ = false;  ///< some clusters have others
 };
+
+/// Extras as clusters have them, where a material may be the last.
+std::vector<Extra> without_material(std::span<const Extra> extras);
 
 /// umbel_lod_stream of what `given`, a mesh or a cluster, has.
 template <typename Given>
@@ -57,7 +61,6 @@ class GeometryArrays {
 
   umbel_lod_geometry out_;  // the caller's arrays
   std::vector<uint32_t> vertex_offsets_{0}, triangle_offsets_{0}, materials_;
-  std::vector<Extra> extras_;  // without a material
 };
 
 }  // namespace umbel::capi

@@ -142,7 +142,7 @@ std::vector<uint32_t> chosen_clusters(const lod::Dag& dag, const uint32_t* clust
 }
 
 ClusterStreams streams_of(const Mesh& mesh) {
-  return {streams_in(mesh) | UMBEL_LOD_SOURCE_VERTICES, mesh.extras};
+  return {streams_in(mesh) | UMBEL_LOD_SOURCE_VERTICES, without_material(mesh.extras)};
 }
 
 void get_geometry(const lod::Dag& dag, std::span<const uint32_t> chosen,

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <set>
+#include <string>
 
 #include "asset/scratch.hpp"
 #include "capi/lod_call.hpp"
@@ -210,6 +212,75 @@ TEST(LodGeometry, pages_have_the_clusters_of_the_tables) {
   umbel_page_free(page);
   umbel_page_free(nullptr);
   umbel_asset_free(asset);
+}
+
+// One page of all meshes.
+void with_page_of(const AssetContents& contents, const std::function<void(umbel_page*)>& look) {
+  const Scratch scratch;
+  write_asset(scratch / "all.umbel", contents, {}, AssetConfig::exact());
+  umbel_asset* asset = nullptr;
+  ASSERT_EQ(umbel_asset_open((scratch / "all.umbel").c_str(), &asset), UMBEL_OK);
+  umbel_page* page = nullptr;
+  ASSERT_EQ(umbel_asset_read_page(asset, 0, &page), UMBEL_OK);
+  look(page);
+  umbel_page_free(page);
+  umbel_asset_free(asset);
+}
+
+TEST(LodGeometry, further_attributes_are_told_of_behind_a_mesh_that_mixes_materials) {
+  Mesh mixed = blob();
+  for (size_t i = 0; i < mixed.triangles.size(); ++i) mixed.materials.push_back(i % 3);
+  lod::Config mixing = small_cpp_config();
+  mixing.mix_materials = true;
+  const lod::Dag without = lod::build(mixed.view(), mixing);
+  const lod::Dag with = lod::build(rich().view(), small_cpp_config());
+  AssetContents contents;
+  contents.meshes = {&without, &with};
+  with_page_of(contents, [&](umbel_page* page) {
+    size_t count = 0;
+    ASSERT_EQ(umbel_page_get_groups(page, nullptr, 0, &count), UMBEL_OK);
+    std::vector<umbel_page_group> groups(count);
+    ASSERT_EQ(umbel_page_get_groups(page, groups.data(), count, &count), UMBEL_OK);
+    ASSERT_EQ(groups.front().mesh, 0u);
+    ASSERT_TRUE(std::any_of(groups.begin(), groups.end(),
+                            [](const umbel_page_group& group) { return group.mesh == 1; }));
+    Geometry g;
+    ASSERT_EQ(umbel_page_get_geometry(page, nullptr, &g.c), UMBEL_OK) << umbel_last_error();
+    EXPECT_TRUE(g.c.streams & UMBEL_LOD_EXTRAS);
+    ASSERT_EQ(g.c.extra_width, 2u);
+    g.reserve();
+    g.c.source_vertices = nullptr;
+    ASSERT_EQ(umbel_page_get_geometry(page, nullptr, &g.c), UMBEL_OK) << umbel_last_error();
+    for (const umbel_page_group& group : groups)
+      for (uint32_t v = g.vertex_offsets[group.page_cluster];
+           v < g.vertex_offsets[group.page_cluster + group.cluster_count]; ++v) {
+        EXPECT_EQ(g.extra_values[2 * v], group.mesh == 0 ? 0 : g.positions[v].z);
+        EXPECT_EQ(g.extra_values[2 * v + 1], group.mesh == 0 ? 0 : g.positions[v].x);
+      }
+  });
+}
+
+TEST(LodGeometry, further_attributes_that_differ_are_refused_before_anything_is_written) {
+  Mesh third = rich();
+  third.extras = {{ExtraKind::kUvs, 2}};
+  const lod::Dag one = lod::build(rich().view(), small_cpp_config());
+  const lod::Dag two = lod::build(third.view(), small_cpp_config());
+  AssetContents contents;
+  contents.meshes = {&one, &two};
+  with_page_of(contents, [](umbel_page* page) {
+    Geometry g;
+    ASSERT_EQ(umbel_page_get_geometry(page, nullptr, &g.c), UMBEL_OK) << umbel_last_error();
+    g.reserve();
+    g.c.source_vertices = nullptr;
+    EXPECT_EQ(umbel_page_get_geometry(page, nullptr, &g.c), UMBEL_ERROR_UNSUPPORTED);
+    EXPECT_NE(std::string(umbel_last_error()).find("extra_values"), std::string::npos);
+    EXPECT_EQ(g.vertex_offsets[1], 0u);
+    EXPECT_TRUE(std::all_of(g.positions.begin(), g.positions.end(),
+                            [](const umbel_vec3& p) { return p.x == 0 && p.y == 0 && p.z == 0; }));
+    g.c.extra_values = nullptr;
+    EXPECT_EQ(umbel_page_get_geometry(page, nullptr, &g.c), UMBEL_OK);
+    EXPECT_GT(g.vertex_offsets[1], 0u);
+  });
 }
 
 }  // namespace
