@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/progress.hpp"
+#include "base/refuse.hpp"
 #include "cluster/frame/build_frame.hpp"
 #include "cluster/validate.hpp"
 #include "umbel/frame_clusters.hpp"
@@ -22,7 +23,7 @@ cluster::FrameMesh checked_mesh(const MeshView& mesh, const BuildOptions& option
 
 Clusters cluster_mesh_morton(const MeshView& mesh, const ClusterConfig& config,
                              const BuildOptions& options) {
-  cluster::validate_config(config);
+  if (config.max_items == 0) refuse("max_items must be at least 1, not 0");
   const cluster::FrameMesh input = checked_mesh(mesh, options);
   Progress progress(options);
   progress.report(0, "clustering");

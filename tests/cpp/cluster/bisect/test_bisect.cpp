@@ -120,6 +120,18 @@ TEST(Bisect, sampled_overlap_agrees_with_the_area_ratio_of_long_and_flat_meshes)
   }
 }
 
+TEST(Morton, only_the_most_items_count) {
+  const Mesh mesh = grid(20, 20, 3.0f);
+  ClusterConfig config;
+  config.max_items = 32;  // fewer than the default of min_items
+  EXPECT_EQ(cluster_mesh_morton(mesh.view(), config).ranges.size(), 25u);
+  config.underfill_cost = -1;
+  config.min_items = 0;
+  EXPECT_EQ(cluster_mesh_morton(mesh.view(), config).ranges.size(), 25u);
+  config.max_items = 0;
+  EXPECT_THROW(cluster_mesh_morton(mesh.view(), config), Error);
+}
+
 TEST(Morton, clusters_are_full_and_hold_every_triangle_once) {
   const Mesh mesh = grid(123, 77, 3.0f);
   const Clusters c = cluster_mesh_morton(mesh.view(), limits(1, 100));
