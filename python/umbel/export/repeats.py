@@ -79,6 +79,7 @@ class Repeats:
             self._fits = fits & (step > 0) & np.isfinite(step)
         self._lock = threading.Lock()
         self._kept: dict[tuple[int, bytes], Quantized | None] = {}
+        self._kept_triangles = 0
 
     def of(
         self, instances: NDArray[np.intp], error: float, corner: Doubles, step: float
@@ -139,9 +140,10 @@ class Repeats:
         surface = quantized(piece, self._low[mesh], float(self._steps[mesh]))
         surface = None if surface is None else ordered(surface)
         with self._lock:
+            self._kept_triangles += _size(surface) - _size(self._kept.get(key))
             self._kept[key] = surface
-            while len(self._kept) > 1 and sum(map(_size, self._kept.values())) > _MOST_KEPT:
-                del self._kept[next(iter(self._kept))]
+            while len(self._kept) > 1 and self._kept_triangles > _MOST_KEPT:
+                self._kept_triangles -= _size(self._kept.pop(next(iter(self._kept))))
         return surface
 
 

@@ -290,3 +290,24 @@ def test_khronos_finds_no_error(asset: Path, exported: tuple[Path, umbel.TilesRe
     umbel.export_glb(asset, asset.parent / "levels.glb")
     files = [asset.parent / "levels.glb", *sorted(exported[0].rglob("*.glb"))]
     assert not validator_errors(*files)
+
+
+def test_what_is_kept_of_meshes_has_a_limit_and_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    meshes = [umbel.shapes.blob(2, seed=k) for k in range(6)]
+    rng = np.random.default_rng(3)
+    instances = [Instance(k % 6, placed(rng, rng.uniform(-9, 9, 3), 1.0)) for k in range(18)]
+    umbel.build_scene(Scene(meshes, [], instances), instances="on").save(tmp_path / "a.umbel")
+    written = []
+    for most in (1_000_000, 700, 1):
+        monkeypatch.setattr("umbel.export.repeats._MOST_KEPT", most)
+        umbel.export_glb(tmp_path / "a.umbel", tmp_path / "a.glb")
+        written.append((tmp_path / "a.glb").read_bytes())
+        repeats = Repeats(Source(umbel.Asset(tmp_path / "a.umbel")))
+        for error in (0.0, 0.1, 0.0):
+            repeats.of(np.arange(18), error, np.zeros(3), 1.0)
+            sizes = [0 if one is None else len(one.triangles) for one in repeats._kept.values()]
+            assert sum(sizes) == repeats._kept_triangles
+            assert sizes and (sum(sizes) <= most or len(sizes) == 1)
+    assert written[0] == written[1] == written[2]
