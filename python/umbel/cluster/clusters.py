@@ -75,7 +75,8 @@ class Clusters:
 
     def metrics(self) -> dict[str, Any]:
         """How good the clusters are: `clusters mean_fill min_size max_size mean_vertices
-        max_vertices surface_area_ratio sah overlap ratio_cut`, as docs/cli.md defines them."""
+        max_vertices surface_area_ratio sah overlap ratio_cut`, as docs/cli.md defines them.
+        Measured now, on the arrays that were clustered: they must be as they were."""
         return self._measure()
 
 
