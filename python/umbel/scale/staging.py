@@ -65,6 +65,13 @@ def _made(task: Task) -> list[str]:
     return [_unit(task.tier, task.unit, what) for what in whats]
 
 
+def _is_own(name: str) -> bool:
+    """Whether a build makes files of this name."""
+    first, *below = name.split("/")
+    is_tier = first[:1] == "t" and first[1:].isdigit()
+    return is_tier if below else first == "manifest.json"
+
+
 def _kept(task: Task) -> list[str]:
     return [name for name in _made(task) if name.endswith(_KEPT[task.kind])]
 
@@ -167,9 +174,7 @@ class Staging:
         # The manifest is stored first and removed last.
         begun = "manifest.json" in there
         for name in there:
-            first = name.split("/")[0]
-            made = first == "manifest.json" or (first[:1] == "t" and first[1:].isdigit())
-            if not (name == LOCK or (begun and made)):
+            if not (name == LOCK or (begun and _is_own(name))):
                 raise Error(
                     f"the work folder {self.url} has files that are no build's, such as {name}: "
                     "name one that is empty"
@@ -286,8 +291,8 @@ class Staging:
         self._lock.release()
 
     def remove(self) -> None:
-        """Removes all that the build has stored; the manifest last."""
-        names = [name for name in self._remote.files() if name != LOCK]
+        """Removes all that the build has stored; the manifest last. The output may be here, too."""
+        names = [name for name in self._remote.files() if _is_own(name)]
         self._remote.remove([name for name in names if name != "manifest.json"])
         self._remote.remove([name for name in names if name == "manifest.json"])
 

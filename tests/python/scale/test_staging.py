@@ -195,6 +195,13 @@ def test_folders_of_others_are_left_alone(bucket: Any, own: str) -> None:
     assert names(bucket) == [f"/bucket/work/{own}"]
 
 
+def test_the_output_may_be_in_the_work_folder(bucket: Any, made_of_tiles: bytes) -> None:
+    output = f"{WORK}/scan.umbel"
+    build_asset(TILES, output, work=WORK, unit_triangles=UNIT, executor=InProcess())
+    assert bucket.cat("/bucket/work/scan.umbel") == made_of_tiles
+    assert not any(name.startswith("/bucket/work/t0") for name in names(bucket))
+
+
 def test_addresses_without_an_executor(bucket: Any, made_of_tiles: bytes) -> None:
     build_asset(TILES, OUTPUT, unit_triangles=UNIT, workers=1)
     assert bucket.cat("/bucket/scan.umbel") == made_of_tiles
