@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 #include "base/math.hpp"
 #include "base/simd/float4.hpp"
@@ -232,6 +233,7 @@ CollapseCosts::Choice CollapseCosts::cheapest_with_attributes(uint32_t p) {
     }
   }
   std::swap(moves[0], moves[first]);
+  if (mesh_.has_wedges(p)) keep_cheapest_moves(mesh_.wedges(p).size());
   if (attributes_.is_empty()) return cheapest_of_moves(p);
   if (!mesh_.has_wedges(p)) return cheapest_of_smooth_moves(p);
   return mesh_.kind(p) == Kind::kInterior ? cheapest_of_wedges(p) : cheapest_of_moves(p);
@@ -255,6 +257,21 @@ void CollapseCosts::list_moves(uint32_t p) {
 CollapseCosts::Move* CollapseCosts::room_for_moves(size_t most) {
   if (room_.size() < most) room_.resize(2 * most);
   return room_.data();
+}
+
+// The apex of a cone has a vertex a triangle, each of which is looked at for every move. Where that
+// is very much, only the moves that cost least without attributes are.
+void CollapseCosts::keep_cheapest_moves(size_t wedges) {
+  constexpr size_t kMostWedges = 4096;  // of all moves
+  const size_t most = std::max<size_t>(kMostWedges / wedges, 1);
+  if (moves_.size() <= most) return;
+  const auto key = [](const Move& move) {
+    constexpr float kLast = std::numeric_limits<float>::infinity();
+    return std::tuple(move.rank < kLast ? move.rank : kLast, move.target, move.corner, move.after);
+  };
+  std::partial_sort(moves_.begin(), moves_.begin() + static_cast<std::ptrdiff_t>(most),
+                    moves_.end(), [&](const Move& a, const Move& b) { return key(a) < key(b); });
+  moves_ = moves_.first(most);
 }
 
 CollapseCosts::Choice CollapseCosts::cheapest_of_moves(uint32_t p) {

@@ -89,6 +89,7 @@ class CollapseCosts {
   }
   void list_moves(uint32_t p);
   Move* room_for_moves(size_t most);
+  void keep_cheapest_moves(size_t wedges);
   Choice cheapest_position(uint32_t p) const;
   Choice cheapest_with_attributes(uint32_t p);
   Choice cheapest_of_moves(uint32_t p);

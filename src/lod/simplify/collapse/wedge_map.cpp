@@ -31,8 +31,14 @@ bool WedgeMap::find(uint32_t p, uint32_t target) {
     }
   }
   if (!mesh_.has_wedges(p)) return true;
+  const size_t at_edge = moves_.size();
+  const auto is_at_edge = [&](uint32_t from) {
+    for (size_t i = 0; i < at_edge; ++i)
+      if (moves_[i].from == from) return true;
+    return false;
+  };
   for (uint32_t from : mesh_.wedges(p)) {
-    if (!mesh_.is_used(from) || new_vertex(from) != kNone) continue;
+    if (!mesh_.is_used(from) || is_at_edge(from)) continue;
     if (protect) return false;
     moves_.push_back(cheapest(from, target, d));
     if (moves_.back().to == kNone) return false;
