@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
-import umbel
 from umbel import _umbel
 from umbel.errors import Error
 from umbel.geometry.arrays import thread_count
@@ -42,6 +41,7 @@ from umbel.scale.storage import (
     write_file,
 )
 from umbel.scale.watched_files import WatchedFiles
+from umbel.scale.worker import python_command
 
 #: What an asset says of itself besides what the library knows.
 Metadata = dict[str, Any] | Callable[[list[Path]], dict[str, Any]] | None
@@ -391,12 +391,8 @@ def _command(threads: int) -> list[str]:
     """The program of a worker. Without one, units are built in this process."""
     if not sys.executable:
         return []
-    root = str(Path(umbel.__file__).resolve().parent.parent)
-    code = (
-        f"import sys; sys.path.insert(0, {root!r}); from umbel.scale.worker import main; "
-        "sys.exit(main(sys.argv[1:]))"
-    )
-    return [sys.executable, "-c", code, str(threads)]
+    code = "from umbel.scale.worker import main; sys.exit(main(sys.argv[1:]))"
+    return python_command(code, str(threads))
 
 
 def _stored(images: Sequence[bytes], folder: Path) -> list[Path]:

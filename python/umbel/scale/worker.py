@@ -5,10 +5,21 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 from pathlib import Path
+
+import umbel
 
 _CODES = ("invalid_argument", "invalid_mesh", "io", "corrupt", "unsupported", "cancelled", "device")
 _IO, _UNSUPPORTED = _CODES.index("io"), _CODES.index("unsupported")
+
+
+def python_command(code: str, *arguments: str) -> list[str]:
+    """A process that runs code which imports this package. Nothing is imported from the folder that
+    it runs in, where a types.py may lie."""
+    root = str(Path(umbel.__file__).resolve().parent.parent)
+    path = f"import sys; sys.path[:] = [{root!r}, *filter(None, sys.path)]"
+    return [sys.executable, "-c", f"{path}; {code}", *arguments]
 
 
 def main(arguments: list[str]) -> int:

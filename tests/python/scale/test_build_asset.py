@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import umbel
+from umbel.cli.building import pool
 from umbel.io.textures.images import TextureImage
 from umbel.scale.build_asset import build_asset
 from umbel.scale.executor import InProcess
@@ -306,6 +307,17 @@ def test_folders_of_others_are_left_alone_whatever_their_names(
         build_asset(terrain, tmp_path / "a.umbel", work=tmp_path / "work", unit_triangles=UNIT)
     assert [path for path in (tmp_path / "work").rglob("*") if path.is_file()] == [file]
     assert file.read_bytes() == b"precious"
+
+
+def test_workers_import_nothing_from_the_folder_that_they_run_in(
+    terrain: Path, expected: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("types", "numpy", "umbel"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('not this one')")
+    monkeypatch.chdir(tmp_path)
+    build_asset(terrain, tmp_path / "a.umbel", unit_triangles=UNIT, workers=1, threads=1)
+    assert (tmp_path / "a.umbel").read_bytes() == expected
+    assert subprocess.run(pool.COMMAND, input=b"", timeout=60).returncode == 0
 
 
 def test_metadata_that_is_no_json_is_refused_before_units_are_built(

@@ -8,11 +8,12 @@ import os
 import selectors
 import signal
 import subprocess
-import sys
 from collections.abc import Iterable, Iterator
 from typing import IO, Any
 
-COMMAND = [sys.executable, "-m", "umbel.cli.building.worker"]
+from umbel.scale.worker import python_command
+
+COMMAND = python_command("from umbel.cli.building.worker import main; main()")
 _PATIENCE = 10.0  # seconds for a process to remove its unfinished file
 
 

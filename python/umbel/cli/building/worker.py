@@ -60,7 +60,3 @@ def _answer(job: dict[str, Any]) -> dict[str, Any]:
 
 def _keep_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     hear(message)
-
-
-if __name__ == "__main__":
-    main()
