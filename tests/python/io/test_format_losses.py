@@ -301,6 +301,36 @@ def test_materials_of_the_same_maps_have_an_image_that_is_made_once(tmp_path: Pa
         assert a.images[slot] is b.images[slot]
 
 
+def test_channels_of_an_image_that_many_materials_show_are_written_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    texels = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
+    images = {"metallic_roughness": TextureImage(png(texels))}
+    factors = [(1.0, 1.0), (1.0, 1.0), (1.0, 0.5)]
+    materials = [
+        umbel.Material(f"m{k}", metallic=metal, roughness=rough, images=images)
+        for k, (metal, rough) in enumerate(factors)
+    ]
+    mesh = umbel.shapes.grid(3, 1)
+    mesh.uvs = mesh.positions[:, :2].copy()
+    mesh.materials, mesh.material_ids = materials, np.arange(6, dtype=np.uint32) % 3
+    decoded: list[TextureImage] = []
+    whole = TextureImage.texels
+
+    def counted(self: TextureImage) -> np.ndarray:
+        decoded.append(self)
+        return whole(self)
+
+    monkeypatch.setattr(TextureImage, "texels", counted)
+    umbel.save(tmp_path / "a.obj", mesh)
+    assert len(decoded) == len(list(tmp_path.glob("*.png"))) == 3
+    again = {m.name: m.images for m in umbel.load(tmp_path / "a.obj").materials}
+    rough, metal = texels[..., 1], texels[..., 2]
+    assert np.array_equal(whole(again["m1"]["roughness"])[..., 0], rough)
+    assert np.array_equal(whole(again["m2"]["roughness"])[..., 0], np.rint(rough * 0.5))
+    assert np.array_equal(whole(again["m2"]["metallic"])[..., 0], metal)
+
+
 def test_a_mask_in_the_base_color_keeps_its_bytes(tmp_path: Path) -> None:
     texels = np.random.default_rng(4).integers(0, 256, (8, 8, 4), dtype=np.uint8)
     (tmp_path / "leaf.png").write_bytes(png(texels))

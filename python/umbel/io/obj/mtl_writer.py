@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from umbel.errors import Error
 from umbel.geometry.mesh import Material
@@ -26,6 +25,7 @@ _SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
 _WRAPS = (("repeat", "repeat"), ("clamp", "clamp"))
 _COAT, _IOR = "KHR_materials_clearcoat", "KHR_materials_ior"
 _COAT_FACTORS = {"clearcoatFactor": "Pc", "clearcoatRoughnessFactor": "Pcr"}
+_CHANNELS = {"roughness": 1, "metallic": 2}
 _HEAD, _WITH = b"# written by umbel\n", b"# with "
 _LONGEST = 1024  # more than a line of the head has
 
@@ -81,6 +81,8 @@ class MtlWriter:
         beside = [self._name_beside(image) for _, image in used]
         self._side_names = SideNames(path, written_with, filter(None, beside))
         self._named: dict[bytes, str] = {}
+        #: Files of one channel, by the image, the channel and the factor.
+        self._channels: dict[tuple[TextureImage, str, float], str] = {}
         written = [self._material(*one) for one in zip(materials, self.names, strict=True)]
         if written:
             text = encoded("\n".join(written))
@@ -133,9 +135,8 @@ class MtlWriter:
             self._say("how textures are filtered or mirrored")
         try:
             if slot == "metallic_roughness":
-                texels = image.texels().astype(np.float64)
-                rough = self._scaled(texels[..., 1] * material.roughness, "roughness", image)
-                metal = self._scaled(texels[..., 2] * material.metallic, "metallic", image)
+                rough = self._channel(image, "roughness", material.roughness)
+                metal = self._channel(image, "metallic", material.metallic)
                 return [f"map_Pr{options} {rough}", f"map_Pm{options} {metal}"]
             file = self._file(image, slot)
         except Error as error:
@@ -167,13 +168,18 @@ class MtlWriter:
             out += f" -s {scale[0]:.9g} {scale[1]:.9g} 1"
         return out + (" -clamp on" if image.wrap_u == image.wrap_v == "clamp" else "")
 
-    def _scaled(self, values: NDArray[np.float64], kind: str, image: TextureImage) -> str:
+    def _channel(self, image: TextureImage, kind: str, factor: float) -> str:
         """An image of one channel, times the material's factor: in OBJ a map replaces it."""
         from PIL import Image
 
-        out = io.BytesIO()
-        Image.fromarray(np.clip(np.rint(values), 0, 255).astype(np.uint8)).save(out, "PNG")
-        return self._stored(out.getvalue(), f"{self._base(image, '')}_{kind}".strip("_"), ".png")
+        key = image, kind, factor
+        if key not in self._channels:
+            values = image.texels()[..., _CHANNELS[kind]] * float(factor)
+            out = io.BytesIO()
+            Image.fromarray(np.clip(np.rint(values), 0, 255).astype(np.uint8)).save(out, "PNG")
+            base = f"{self._base(image, '')}_{kind}".strip("_")
+            self._channels[key] = self._stored(out.getvalue(), base, ".png")
+        return self._channels[key]
 
     def _name_beside(self, image: TextureImage) -> str:
         """That of the image's own file, where the library can name it."""
