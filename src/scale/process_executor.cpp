@@ -57,6 +57,10 @@ class ProcessExecutor final : public Executor {
     for (std::string& word : words) arguments.push_back(word.data());
     arguments.push_back(nullptr);
     const std::string said = error_file(task).string();
+    // Whether there is room for what it says is not to be taken for a fault of the program.
+    if (!std::ofstream(said))
+      throw Error(ErrorCode::kIo,
+                  "cannot write " + said + ": " + std::generic_category().message(errno));
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);

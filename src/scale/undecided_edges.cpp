@@ -10,6 +10,7 @@
 #include "base/hash.hpp"
 #include "mesh/vertex_bits.hpp"
 #include "scale/route_exits.hpp"
+#include "scale/work_folder.hpp"
 
 namespace umbel::scale {
 namespace {
@@ -33,7 +34,7 @@ UndecidedEdges::UndecidedEdges(std::filesystem::path folder, uint64_t edges, uin
     : folder_(std::move(folder)), buckets_(1 + edges / most) {
   if (buckets_.size() == 1) return;
   std::filesystem::remove_all(folder_);
-  std::filesystem::create_directories(folder_);
+  make_folder(folder_);
 }
 
 UndecidedEdges::~UndecidedEdges() {

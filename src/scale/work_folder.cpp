@@ -170,11 +170,7 @@ Identity identity_of(const lod::Config& c, const ScaleConfig& scale) {
 
 WorkFolder::WorkFolder(fs::path path, const Identity& identity, bool resume)
     : path_(std::move(path)) {
-  std::error_code error;
-  fs::create_directories(path_, error);
-  if (error)
-    throw Error(ErrorCode::kIo,
-                "cannot make the folder " + path_.string() + ": " + error.message());
+  make_folder(path_);
   // Before anything is written: a folder of somebody else's stays as it is.
   const bool is_begun = fs::exists(manifest_file(path_));
   for (const fs::directory_entry& entry : fs::directory_iterator(path_))
@@ -288,9 +284,16 @@ fs::path chunks_file(const fs::path& work, const Task& task) {
   return unit_file(work, task, ending.c_str());
 }
 
+void make_folder(const fs::path& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error)
+    throw Error(ErrorCode::kIo, "cannot make the folder " + path.string() + ": " + error.message());
+}
+
 void make_tier_folders(const fs::path& work, uint32_t tier) {
-  fs::create_directories(tier_folder(work, tier) / "route");
-  fs::create_directories(tier_folder(work, tier) / "unit");
+  make_folder(tier_folder(work, tier) / "route");
+  make_folder(tier_folder(work, tier) / "unit");
 }
 
 }  // namespace umbel::scale

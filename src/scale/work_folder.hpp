@@ -64,6 +64,8 @@ std::filesystem::path places_file(const std::filesystem::path& work, uint32_t ti
 /// See encode.hpp.
 std::filesystem::path encode_plan_file(const std::filesystem::path& work, uint64_t plan);
 std::filesystem::path chunks_file(const std::filesystem::path& work, const Task& task);
+/// With those above it; it may be there. Throws kIo.
+void make_folder(const std::filesystem::path& path);
 void make_tier_folders(const std::filesystem::path& work, uint32_t tier);
 
 }  // namespace umbel::scale

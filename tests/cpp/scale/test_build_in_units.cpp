@@ -183,6 +183,31 @@ TEST(BuildInUnits, MaterialsThatMixedClustersCannotKeepAreRefused) {
   build_in_units(scratch / "a.umbel", *source_of(mesh.view()), config);
 }
 
+TEST(BuildInUnits, WhatCannotBeMadeInTheWorkFolderIsNamed) {
+  const Scratch scratch;
+  const Mesh mesh = shapes::sphere(3);
+  UnitsConfig config = config_in(scratch / "work");
+  config.worker = {"true"};
+  const auto said = [&]() -> std::string {
+    try {
+      build_in_units(scratch / "a.umbel", *source_of(mesh.view()), config);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ErrorCode::kIo);
+      return error.what();
+    }
+    return "";
+  };
+  // Units are not built, so the folder stays.
+  said();
+  config.resume = true;
+  const std::filesystem::path below = scratch / "work" / "t0" / "unit";
+  std::filesystem::create_directory(below / "u000000.said");
+  EXPECT_EQ(said(), "cannot write " + (below / "u000000.said").string() + ": Is a directory");
+  std::filesystem::remove_all(below);
+  std::ofstream(below).close();
+  EXPECT_TRUE(said().starts_with("cannot make the folder " + below.string() + ": ")) << said();
+}
+
 TEST(BuildInUnits, WorkersProgramSaysWhatIsWrong) {
   const std::array<const char*, 2> few{"program", "1"};
   EXPECT_EQ(run_unit_worker(2, few.data()), 10 + static_cast<int>(ErrorCode::kInvalidArgument));

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from umbel import _umbel
+from umbel.errors import Error
 from umbel.geometry.mesh import Material
 from umbel.io.blocks.shared_materials import SharedMaterials
 from umbel.io.files import text_of
@@ -113,7 +114,10 @@ class Layout:
 
     def new_file(self, suffix: str) -> Path:
         """The name of a file in the work folder that no other of this source has."""
-        self.work.mkdir(parents=True, exist_ok=True)
+        try:
+            self.work.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise Error(f"cannot make the folder {self.work}: {error.strerror or error}") from None
         return self.work / f"source_{len(self.parts):06d}{suffix}"
 
     def finished(self) -> Any:

@@ -242,6 +242,12 @@ def test_tables_that_every_build_writes_again_are_not_flushed(
     assert source.triangles.triangles == giant.city(2000, seed=5).triangle_count
 
 
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "work").touch()
+    with pytest.raises(umbel.Error, match=r"cannot make the folder .*work: File exists"):
+        open_source(giant.city(2000, seed=5).blocks(500), tmp_path / "work")
+
+
 def test_nodes_move_and_mirror_meshes(tmp_path: Path) -> None:
     mesh = umbel.shapes.blob(3)
     mesh = umbel.Mesh(mesh.positions, mesh.triangles, normals=mesh.positions)
