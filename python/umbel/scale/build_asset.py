@@ -239,7 +239,7 @@ def build_with(
         opened.materials, images = [], []
         said: dict[str, Any] = {
             "generator": f"umbel {_umbel.version()}",
-            "name": _name(place.files),
+            "name": source.name if isinstance(source, Mesh) else _name(place.files),
             "config": {**config, "unit_triangles": unit_triangles or 4 << 20},
             "source": {"triangles": opened.triangles.triangles, **_described(opened)},
         }

@@ -94,14 +94,11 @@ def build_stored(
     except OSError as error:
         raise Error(f"cannot make a temporary folder: {error}") from None
     try:
-        source = _source(mesh)
-        name = source.name if isinstance(source, Mesh) else ""
         report = build_with(
-            source,
+            _source(mesh),
             folder / "lod.umbel",
             config,
             work=work if is_address(work) else (local or folder) / "units",
-            metadata={"name": name},
             progress=progress,
             threads=threads,
             **limits,

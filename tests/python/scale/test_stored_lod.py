@@ -178,3 +178,13 @@ def test_file_too_large_for_memory_is_warned_of(
     umbel.save(tmp_path / "a.ply", mesh)
     with pytest.warns(RuntimeWarning, match="with memory= or work="):
         umbel.build_lod(tmp_path / "a.ply")
+
+
+def test_names_are_those_of_a_build_in_memory(tmp_path: Path) -> None:
+    path = tmp_path / "hill.ply"
+    giant.write(giant.terrain(3000, seed=3), path)
+    for source in (path, umbel.load(path), [path]):
+        umbel.build_asset(source, tmp_path / "a.umbel", unit_triangles=1000)
+        lod = umbel.build_lod(source, unit_triangles=1000)
+        for asset in (umbel.Asset(tmp_path / "a.umbel"), lod):
+            assert asset.info["metadata"]["name"] == "hill"
