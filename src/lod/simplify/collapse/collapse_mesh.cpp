@@ -16,6 +16,7 @@ void CollapseMesh::load(const CollapseInput& input) {
   rings_.build(points_.size(), triangles_.size(), [&](size_t t) { return positions_of(t); });
   marks_.assign(points_.size(), 0);
   slots_.resize(points_.size());
+  sides_.assign(points_.size(), 0);
   stamp_ = 0;
   kinds_.resize(points_.size());
   for (uint32_t p = 0; p < points_.size(); ++p) find_kind(p);
@@ -65,11 +66,11 @@ CollapseMesh::Kind CollapseMesh::kind_of(uint32_t p) {
   for (const LinkEdge& e : edges) ends += marks_[e.prev] != is_next;
   if (ends > 1) return other;
   if (ends == 1) {
-    const auto begins = [&](const LinkEdge& e) {
-      return std::none_of(edges.begin(), edges.end(),
-                          [&](const LinkEdge& o) { return o.prev == e.next; });
-    };
-    while (!begins(edges[first])) ++first;
+    // The one that none ends at, if no two end alike: else it is of no matter.
+    size_t sum = edges.size() * (edges.size() - 1) / 2;
+    for (const LinkEdge& e : edges)
+      if (marks_[e.prev] == is_next) sum -= slots_[e.prev];
+    if (sum < edges.size()) first = static_cast<uint32_t>(sum);
   }
   // Where two triangles end alike, the fan may close without the first.
   size_t steps = 1;

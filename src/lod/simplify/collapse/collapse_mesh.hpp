@@ -96,6 +96,12 @@ class CollapseMesh {
     for (uint32_t v : triangles_[t]) --uses_[v];
   }
   Kind kind_of(uint32_t p);
+  void mark_sides(std::span<const LinkEdge> edges) const {
+    for (const LinkEdge& e : edges) sides_[e.next] |= kNext, sides_[e.prev] |= kPrev;
+  }
+  void forget_sides(std::span<const LinkEdge> edges) const {
+    for (const LinkEdge& e : edges) sides_[e.next] = sides_[e.prev] = 0;
+  }
 
   CollapseInput input_;
   bool has_wedges_ = false;
@@ -110,12 +116,19 @@ class CollapseMesh {
   std::vector<uint32_t> uses_;                    // of vertices: triangles
   std::vector<uint32_t> marks_, slots_;           // of positions, while a kind is found
   uint32_t stamp_ = 0;
+  static constexpr uint8_t kNext = 1, kPrev = 2;
+  mutable std::vector<uint8_t> sides_;  // of positions: of a link's edges; 0 at rest
 };
 
 template <typename Visit>
 void CollapseMesh::for_each_target(uint32_t p, const Visit& visit) const {
   const auto edges = link(p);
+  // The corner of a polygon from which all of it was cut into triangles has very many.
+  constexpr size_t kFew = 32;
+  const bool is_marked = edges.size() > kFew && kinds_[p] != Kind::kInterior;
+  if (is_marked) mark_sides(edges);
   const auto is_in = [&](uint32_t x, uint32_t LinkEdge::* side) {
+    if (is_marked) return (sides_[x] & (side == &LinkEdge::next ? kNext : kPrev)) != 0;
     return std::any_of(edges.begin(), edges.end(), [&](const LinkEdge& e) { return e.*side == x; });
   };
   for (size_t i = 0; i < edges.size(); ++i) {
@@ -130,6 +143,7 @@ void CollapseMesh::for_each_target(uint32_t p, const Visit& visit) const {
       if (!is_in(q, &LinkEdge::next)) visit(corner(p, i), q, false);
     }
   }
+  if (is_marked) forget_sides(edges);
 }
 
 template <typename NewVertex>

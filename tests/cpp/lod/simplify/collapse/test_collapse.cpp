@@ -379,6 +379,31 @@ TEST(EdgeCollapser, a_cone_of_flat_sides_loses_half_of_them) {
   EXPECT_LT(collapser.error(), 0.01f);
 }
 
+// All of the polygon is cut into triangles from one of its corners.
+TEST(EdgeCollapser, polygons_of_many_corners_keep_their_outline) {
+  for (const uint32_t corners : {8u, 40u, 20000u}) {
+    Mesh mesh;
+    for (uint32_t i = 0; i < corners; ++i) {
+      const double angle = i * 2 * 3.141592653589793 / corners;
+      mesh.positions.push_back(
+          {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle)), 0});
+      if (i > 1) mesh.triangles.push_back({0, i - 1, i});
+    }
+    const SubMesh sub_mesh(std::move(mesh));
+    EdgeCollapser collapser;
+    collapser.run(sub_mesh.input(), corners / 2);
+    double area = 0;
+    for (const Triangle& t : collapser.triangles()) {
+      const auto& p = sub_mesh.mesh.positions;
+      area += 0.5 * cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]).z;
+    }
+    EXPECT_LE(collapser.triangles().size(), corners / 2);
+    EXPECT_NEAR(area, 3.14159, 40.0 / (corners / 2.0 * corners / 2.0) + 1e-3);
+    for (const auto& [edge, count] : edges(collapser.triangles(), sub_mesh.position_of))
+      EXPECT_LE(count, 2);
+  }
+}
+
 TEST(EdgeCollapser, after_a_pause_it_goes_on_as_if_there_had_been_none) {
   const SubMesh sub_mesh(shapes::blob(4, 3));
   EdgeCollapser collapser;
