@@ -1,5 +1,6 @@
 #include "scale/work_folder.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cinttypes>
@@ -93,6 +94,21 @@ std::map<std::string, std::string> fields_of(const fs::path& path) {
   std::map<std::string, std::string> fields;
   for (size_t i = 0; i < strings.size(); i += 2) fields[strings[i]] = strings[i + 1];
   return fields;
+}
+
+// Of a long value, such as the names of many files, what is about a place.
+std::string about(const std::string& text, size_t place) {
+  constexpr size_t kBefore = 100, kMost = 300;
+  if (text.size() <= kMost) return text;
+  // Letters of several bytes stay whole.
+  const auto whole = [&](size_t at) {
+    while (at > 0 && at < text.size() && (static_cast<unsigned char>(text[at]) & 0xc0) == 0x80)
+      --at;
+    return std::min(at, text.size());
+  };
+  const size_t begin = whole(place < kBefore ? 0 : place - kBefore), end = whole(begin + kMost);
+  return (begin > 0 ? "..." : "") + text.substr(begin, end - begin) +
+         (end < text.size() ? "..." : "");
 }
 
 fs::path manifest_file(const fs::path& work) { return work / "manifest.json"; }
@@ -199,8 +215,12 @@ void WorkFolder::compare(const Identity& identity) const {
     const auto at = found.find(name);
     const std::string before = at == found.end() ? "nothing" : at->second;
     if (before != value) {
+      const auto place = static_cast<size_t>(
+          std::mismatch(before.begin(), before.end(), value.begin(), value.end()).first -
+          before.begin());
       std::string changed = name;
-      changed.append(" was ").append(before).append(" and is now ").append(value);
+      changed.append(" was ").append(about(before, place));
+      changed.append(" and is now ").append(about(value, place));
       refuse("the build in " + path_.string() + " cannot be resumed: " + changed);
     }
     found.erase(at);

@@ -183,6 +183,32 @@ TEST(BuildInUnits, MaterialsThatMixedClustersCannotKeepAreRefused) {
   build_in_units(scratch / "a.umbel", *source_of(mesh.view()), config);
 }
 
+TEST(BuildInUnits, OfLongInputsTheFirstDifferenceIsTold) {
+  const Scratch scratch;
+  const Mesh mesh = shapes::sphere(3);
+  UnitsConfig config = config_in(scratch / "work");
+  const auto said = [&](const std::string& input) -> std::string {
+    config.input = input;
+    try {
+      build_in_units(scratch / "a.umbel", *source_of(mesh.view()), config);
+    } catch (const Error& error) {
+      config.resume = true;
+      return error.what();
+    }
+    return "";
+  };
+  std::string names;
+  for (size_t i = 0; i < 5000; ++i) names += "\u00e9/tile, ";
+  // The folder stays only where it may be of use.
+  config.worker = {"sh", "-c", "exit 12"};
+  said(names + "one" + names);
+  const std::string sentence = said(names + "two" + names);
+  EXPECT_NE(sentence.find("tile, one\u00e9/"), std::string::npos) << sentence;
+  EXPECT_NE(sentence.find("tile, two\u00e9/"), std::string::npos) << sentence;
+  EXPECT_LT(sentence.size(), 1000u);
+  EXPECT_NE(sentence.find("was ..."), std::string::npos);
+}
+
 TEST(BuildInUnits, WhatCannotBeMadeInTheWorkFolderIsNamed) {
   const Scratch scratch;
   const Mesh mesh = shapes::sphere(3);
