@@ -268,6 +268,20 @@ def test_leftovers_behind_a_link_are_removed(terrain: Path, tmp_path: Path) -> N
     assert os.listdir(tmp_path / "folder") == ["a.umbel"]
 
 
+@pytest.mark.parametrize("memory", ["2XB", 0, -1.0, float("nan"), 10**400, [1]], ids=str)
+def test_memory_that_is_no_size_is_refused(memory: Any, terrain: Path, tmp_path: Path) -> None:
+    with pytest.raises(umbel.Error, match="memory must be a size such as '2GB'"):
+        build_asset(terrain, tmp_path / "a.umbel", memory=memory)
+    assert os.listdir(tmp_path) == []
+
+
+def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
+    for source in (5, None):
+        with pytest.raises(umbel.Error, match=f"blocks of triangles, not {source}"):
+            build_asset(source, tmp_path / "a.umbel")  # type: ignore[arg-type]
+        assert os.listdir(tmp_path) == []
+
+
 def test_too_little_memory_says_what_would_do(terrain: Path, tmp_path: Path) -> None:
     with pytest.raises(umbel.Error, match=r"of 0\.05 GB is .* need 0\.\d\d GB"):
         build_asset(terrain, tmp_path / "a.umbel", unit_triangles=UNIT, memory="50MB")

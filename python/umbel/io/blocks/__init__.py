@@ -89,7 +89,13 @@ def open_source(
         layout.trees.append((Path(source.source), source.tree))
     else:
         files = None
-        spool(layout, source, "the blocks")
+        try:
+            blocks = iter(source)
+        except TypeError:
+            raise Error(
+                f"a source is files, a mesh or blocks of triangles, not {source!r:.80}"
+            ) from None
+        spool(layout, blocks, "the blocks")
     skinned: list[Path] = []
     for file in files or []:
         said, mesh = _add(layout, file)
