@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import sys
-from numbers import Real
 from pathlib import Path
 
 from umbel.errors import Error
@@ -27,8 +26,9 @@ def as_bytes(memory: float | str) -> int:
             size = float(number) * _UNITS[memory.strip()[len(number) :].strip().upper()]
         except (KeyError, ValueError):
             size = 0.0
-    elif isinstance(memory, Real):
-        size = float(min(memory, 1e18))
+    else:
+        with contextlib.suppress(TypeError):
+            size = float(min(memory, 1e18))
     if not 1 <= size < 1e18:
         raise Error(f"memory must be a size such as '2GB', not {memory!r}")
     return int(size)
