@@ -25,7 +25,7 @@ from umbel.io.format_losses import (
     reference_losses,
 )
 from umbel.io.gltf.tree import check_tree
-from umbel.io.scene import join, transformed, with_default
+from umbel.io.scene import NO_MATERIAL, join, transformed, with_default
 from umbel.lod.asset import Asset
 from umbel.lod.instances import all_instances, local_transforms, scale_range
 
@@ -60,7 +60,8 @@ class Source:
             )
         self.turn = Y_TO_Z if axis_up(asset, up) == "y" else np.eye(3)
         self.materials = asset.materials
-        self._has_joints = self._has_bright_colors = False  # what has been read
+        # What has been read:
+        self._has_joints = self._has_bright_colors = self._has_missing_materials = False
         #: Of each instance its mesh, and the (3, 4) matrix from that to tiles.
         self.meshes, self._rows = _instances_of(asset)
         self.turned = self.turn @ self._rows.astype(np.float64)
@@ -136,6 +137,11 @@ class Source:
         self._has_joints |= made.joints is not None
         if made.colors is not None and not ((made.colors >= 0) & (made.colors <= 1)).all():
             self._has_bright_colors = True
+        ids = made.material_ids
+        if ids is not None:
+            is_missing = (ids >= len(self.materials)) & (ids != NO_MATERIAL)
+            self._has_missing_materials |= bool(is_missing.any())
+            made.material_ids = np.where(is_missing, np.uint32(NO_MATERIAL), ids)
         made.origin = np.zeros(3)
         return made
 
@@ -182,6 +188,8 @@ class Source:
         lost = ["joints and weights"] if self._has_joints else []
         if self._has_bright_colors:
             lost.append("colours outside 0 to 1, which become 0 or 1")
+        if self._has_missing_materials:
+            lost.append("numbers of materials that are not there")
         if any(set(node) - WHERE for node in nodes):
             lost.append("names, extras and extensions of nodes")
         lost += camera_and_light_losses(tree)

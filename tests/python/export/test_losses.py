@@ -53,6 +53,17 @@ def test_colours_that_are_too_bright_are_named(tmp_path: Path, kind: str) -> Non
 
 
 @pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize("count", [0, 1])
+def test_numbers_without_a_material_are_named(tmp_path: Path, kind: str, count: int) -> None:
+    mesh = umbel.Mesh(TETRA_POSITIONS, INDICES.reshape(-1, 3).astype(np.uint32))
+    mesh.material_ids = np.arange(len(mesh.triangles), dtype=np.uint32)
+    mesh.materials = [umbel.Material(name="red")][:count]
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel")
+    with pytest.warns(LoadWarning, match="without: numbers of materials that are not there"):
+        export(kind, tmp_path / "a.umbel", tmp_path)
+
+
+@pytest.mark.parametrize("kind", FORMATS)
 def test_where_meshes_are_is_no_loss(
     tmp_path: Path, kind: str, recwarn: pytest.WarningsRecorder
 ) -> None:
