@@ -37,7 +37,9 @@ def plan(inputs: Sequence[str], folder: Path, may_miss: bool = False) -> list[Jo
     too; building it says so."""
     if folder.suffix.lower() == ".umbel" and not folder.is_dir():
         if len(inputs) == 1 and not _is_group(inputs[0]):
-            fail(f"{folder}{os.sep}: ends as a folder does; without its last character it is a file")
+            fail(
+                f"{folder}{os.sep}: ends as a folder does; without its last character it is a file"
+            )
         fail(
             f"{folder}: with several inputs the output is a folder; with --memory or "
             "--unit-triangles they become one asset"
