@@ -10,6 +10,7 @@ namespace umbel::asset {
 namespace {
 
 constexpr uint64_t kPageHeadBytes = 16, kPlacementBytes = 52;
+constexpr uint32_t kMostLevels = 64;  // those that walk the tree call themselves for each
 
 [[noreturn]] void wrong_node(uint32_t node, const std::string& what) {
   corrupt("node " + std::to_string(node) + " of the instances " + what);
@@ -35,11 +36,17 @@ void check_values(uint32_t n, const InstanceNode& node, const PlacementPage& pag
 
 /// Nodes follow each other level by level, and a page has the stand-ins of all children in turn.
 void check_structure(const std::vector<InstanceNode>& nodes, size_t top_instances) {
-  uint64_t next = 1;
+  uint64_t next = 1, level_end = 1;
+  uint32_t levels = 1;
   if (nodes[0].stand_ins != Range{0, static_cast<uint32_t>(top_instances)})
     wrong_node(0, "does not have the listed instances as its stand-ins");
   for (uint32_t n = 0; n < nodes.size(); ++n) {
     const InstanceNode& node = nodes[n];
+    if (n == level_end) {
+      level_end = next;
+      if (++levels > kMostLevels)
+        wrong_node(n, "is below " + std::to_string(kMostLevels) + " levels of others");
+    }
     if (node.children.count == 0) {
       if (node.instances != node.placements) wrong_node(n, "has not all its instances in its page");
       continue;

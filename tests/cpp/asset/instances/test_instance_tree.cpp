@@ -7,6 +7,7 @@
 #include "asset/forest.hpp"
 #include "asset/instances/placed_box.hpp"
 #include "asset/instances/stand_in.hpp"
+#include "asset/instances/tree_file.hpp"
 #include "base/math.hpp"
 
 namespace umbel {
@@ -127,6 +128,26 @@ TEST(InstanceTree, verifies_and_finds_damage) {
     testing::write_bytes(scratch / "b.umbel", bytes);
     EXPECT_FALSE(verify_asset(scratch / "b.umbel", 4).ok) << from_end;
     EXPECT_FALSE(verify_asset_within(size_t{256} << 20, scratch / "b.umbel", 4).ok) << from_end;
+  }
+}
+
+TEST(InstanceTree, has_at_most_64_levels) {
+  constexpr uint64_t kPageBytes = 16 + 52;  // of one placement
+  for (const uint32_t levels : {1u, 64u, 65u, 100000u}) {
+    asset::StoredInstanceTree tree;
+    for (uint32_t n = 0; n < levels; ++n) {
+      const Range children = n + 1 < levels ? Range{n + 1, 1} : Range{0, 0};
+      tree.nodes.push_back({{{0, 0, 0}, 1}, 0, 0, children, {0, 1}, 1, 1});
+      tree.pages.push_back({.offset = n * kPageBytes, .bytes = kPageBytes, .checksum = 0});
+    }
+    const std::vector<std::byte> bytes = asset::encode_instance_nodes(tree);
+    const auto decode = [&] {
+      return asset::decode_instance_nodes(bytes, levels, 64, levels * kPageBytes, 1);
+    };
+    if (levels <= 64)
+      EXPECT_EQ(decode().nodes, tree.nodes);
+    else
+      EXPECT_THROW(decode(), Error);
   }
 }
 
