@@ -335,4 +335,4 @@ def _in_memory(image: TextureImage, files: dict[Path, bytes]) -> TextureImage:
             files[image.path] = image.encoded()
     except Error:
         return image
-    return replace(image, data=files[image.path], path=None)
+    return replace(image, data=files[image.path])  # with its path, which errors name

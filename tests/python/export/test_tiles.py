@@ -337,6 +337,18 @@ def test_files_of_images_are_read_once(tmp_path: Path, monkeypatch: pytest.Monke
     assert (tmp_path / "t/textures/0.png").read_bytes() == PICTURE
 
 
+def test_files_of_images_that_cannot_be_decoded_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"no image")
+    images = {"base_color": TextureImage(path=tmp_path / "a.png")}
+    mesh = umbel.shapes.grid(4, 4)
+    mesh.uvs = mesh.positions[:, :2].copy()
+    mesh.materials = [umbel.Material(name="a", images=images)]
+    mesh.material_ids = np.zeros(len(mesh.triangles), np.uint32)
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel", textures="external")
+    with pytest.warns(umbel.LoadWarning, match=r"not all textures.*a\.png cannot be decoded"):
+        umbel.export_tiles(tmp_path / "a.umbel", tmp_path / "t")
+
+
 def test_instances_are_drawn_where_they_are(tmp_path: Path) -> None:
     blob, torus = umbel.shapes.blob(4, seed=1), umbel.shapes.torus(24, 12)
     mirror = np.diag([-2.0, 1, 1, 1])
