@@ -134,13 +134,16 @@ class Source:
 
     def _read(self, mesh: int, found: _umbel.FoundCut) -> Mesh:
         made = self.asset._mesh([], mesh, self.materials, found)
-        self._has_joints |= made.joints is not None
+        # Only ever set, as threads read pieces at once.
+        if made.joints is not None:
+            self._has_joints = True
         if made.colors is not None and not ((made.colors >= 0) & (made.colors <= 1)).all():
             self._has_bright_colors = True
         ids = made.material_ids
         if ids is not None:
             is_missing = (ids >= len(self.materials)) & (ids != NO_MATERIAL)
-            self._has_missing_materials |= bool(is_missing.any())
+            if is_missing.any():
+                self._has_missing_materials = True
             made.material_ids = np.where(is_missing, np.uint32(NO_MATERIAL), ids)
         made.origin = np.zeros(3)
         return made
