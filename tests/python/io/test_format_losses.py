@@ -323,7 +323,8 @@ def test_channels_of_an_image_that_many_materials_show_are_written_once(
 
     monkeypatch.setattr(TextureImage, "texels", counted)
     umbel.save(tmp_path / "a.obj", mesh)
-    assert len(decoded) == len(list(tmp_path.glob("*.png"))) == 3
+    assert len(decoded) == 2  # for m0 and m2
+    assert len(list(tmp_path.glob("*.png"))) == 3
     again = {m.name: m.images for m in umbel.load(tmp_path / "a.obj").materials}
     rough, metal = texels[..., 1], texels[..., 2]
     assert np.array_equal(whole(again["m1"]["roughness"])[..., 0], rough)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbel.errors import Error
 from umbel.geometry.mesh import Material
@@ -135,8 +137,9 @@ class MtlWriter:
             self._say("how textures are filtered or mirrored")
         try:
             if slot == "metallic_roughness":
-                rough = self._channel(image, "roughness", material.roughness)
-                metal = self._channel(image, "metallic", material.metallic)
+                texels = functools.cache(image.texels)  # decoded once, and only if needed
+                rough = self._channel(image, texels, "roughness", material.roughness)
+                metal = self._channel(image, texels, "metallic", material.metallic)
                 return [f"map_Pr{options} {rough}", f"map_Pm{options} {metal}"]
             file = self._file(image, slot)
         except Error as error:
@@ -168,13 +171,15 @@ class MtlWriter:
             out += f" -s {scale[0]:.9g} {scale[1]:.9g} 1"
         return out + (" -clamp on" if image.wrap_u == image.wrap_v == "clamp" else "")
 
-    def _channel(self, image: TextureImage, kind: str, factor: float) -> str:
+    def _channel(
+        self, image: TextureImage, texels: Callable[[], NDArray[np.uint8]], kind: str, factor: float
+    ) -> str:
         """An image of one channel, times the material's factor: in OBJ a map replaces it."""
         from PIL import Image
 
         key = image, kind, factor
         if key not in self._channels:
-            values = image.texels()[..., _CHANNELS[kind]] * float(factor)
+            values = texels()[..., _CHANNELS[kind]] * float(factor)
             out = io.BytesIO()
             Image.fromarray(np.clip(np.rint(values), 0, 255).astype(np.uint8)).save(out, "PNG")
             base = f"{self._base(image, '')}_{kind}".strip("_")
