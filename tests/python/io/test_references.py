@@ -138,7 +138,7 @@ def test_textures_outside_the_folder_are_one_warning(tmp_path: Path) -> None:
     [warning] = caught
     said = str(warning.message)
     assert said.startswith(f"{tmp_path / 'a.mtl'}: material 'm0' loses its base_color texture: ")
-    assert said.endswith("allow_outside=True; and so do 5 others")
+    assert said.endswith("allow_outside=True; and 5 more")
 
 
 def test_images_of_a_library_in_a_folder_below_may_lie_beside_the_mesh(

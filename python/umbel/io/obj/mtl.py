@@ -63,7 +63,7 @@ def read_mtl(data: bytes, folder: Folder | None = None, where: str = "") -> dict
         else:
             lost.update(dict.fromkeys(current.take(word, rest) if current else [word]))
     if outside:
-        others = f"; and so do {len(outside) - 1} others" if len(outside) > 1 else ""
+        others = f"; and {len(outside) - 1} more" if len(outside) > 1 else ""
         warnings.warn(f"{where}: {text_of(outside[0])}{others}", LoadWarning, stacklevel=7)
     if lost:
         more = [f"and {len(lost) - _SHOWN} more"] if len(lost) > _SHOWN else []
