@@ -328,7 +328,7 @@ def _check_lines(elements: list[Element], columns: dict[str, Columns], place: _P
     it should have, and all that follow are wrong."""
     words = Words.of(place.data[place.body :])
     line_end = ord("\n") if b"\n" in place.data else ord("\r")
-    lines = np.cumsum(words.text == line_end)[words.starts]  # of each word
+    lines = np.searchsorted(np.flatnonzero(words.text == line_end), words.starts)  # of each word
     at = last = 0
     for element in elements:
         sizes = np.zeros(element.count if element.properties else 0, np.int64)
