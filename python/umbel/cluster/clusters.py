@@ -433,7 +433,7 @@ def _connection_arrays(
     if connections is None:
         return {}
     if not isinstance(connections, (tuple, list)) or len(connections) != 3:
-        raise Error(f"connections must be (offsets, targets, weights), not {connections!r}")
+        raise Error(f"connections must be (offsets, targets, weights), not {connections!r:.80}")
     offsets, targets, weights = connections
     starts = indices("connections: offsets", offsets)
     if len(starts) < 1 or (starts[1:] < starts[:-1]).any():
