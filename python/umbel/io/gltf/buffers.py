@@ -285,7 +285,7 @@ class Buffers:
             return np.zeros((0, width), dtype)
         begin = offset + self._begin(view)
         if begin % dtype.itemsize and not self._has_warned:
-            self._has_warned = True  # files have all or none so
+            self._has_warned = True  # once a file: if one array is so, mostly many are
             what = f"{name} begins at byte {begin} of its buffer, no multiple of {dtype.itemsize}"
             warnings.warn(
                 f"{self.where}: {what}, and others may as well", LoadWarning, stacklevel=2

@@ -99,8 +99,8 @@ def _some(names: list[str]) -> str:
 
 
 def _libraries(whole: str, folder: Folder | None, where: str) -> Iterator[dict[str, Material]]:
-    """The materials of each library that a line `mtllib` names: its text is one name, or several,
-    of which the first is looked in first."""
+    """The materials of each library that a line `mtllib` names, in its order: its text is one name,
+    or several."""
     if folder is None:
         return
     names = [whole] if _is_in(folder, whole) else words_of(whole)
