@@ -27,7 +27,7 @@ def as_bytes(memory: float | str) -> int:
         except (KeyError, ValueError):
             size = 0.0
     else:
-        with contextlib.suppress(TypeError):
+        with contextlib.suppress(TypeError, ValueError):
             size = float(min(memory, 1e18))
     if not 1 <= size < 1e18:
         raise Error(f"memory must be a size such as '2GB', not {memory!r}")

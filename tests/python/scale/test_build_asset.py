@@ -268,7 +268,9 @@ def test_leftovers_behind_a_link_are_removed(terrain: Path, tmp_path: Path) -> N
     assert os.listdir(tmp_path / "folder") == ["a.umbel"]
 
 
-@pytest.mark.parametrize("memory", ["2XB", 0, -1.0, float("nan"), 10**400, [1]], ids=str)
+@pytest.mark.parametrize(
+    "memory", ["2XB", 0, -1.0, float("nan"), 10**400, [1], np.ones(2)], ids=str
+)
 def test_memory_that_is_no_size_is_refused(memory: Any, terrain: Path, tmp_path: Path) -> None:
     with pytest.raises(umbel.Error, match="memory must be a size such as '2GB'"):
         build_asset(terrain, tmp_path / "a.umbel", memory=memory)
