@@ -18,6 +18,7 @@ from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Material, Mesh
 from umbel.geometry.origin import zero_origin
 from umbel.geometry.repair import Progress
+from umbel.io.files import text_of
 from umbel.io.scene import Scene
 from umbel.lod.instances import InstanceCut, scene_cuts, scene_error, scene_mesh, shown_scene
 from umbel.lod.materials import read_materials
@@ -40,12 +41,12 @@ class Asset(HasTables):
         if isinstance(source, (str, os.PathLike)):
             self.path = os.fspath(source)
             if "://" in self.path:
-                self._native = _umbel.SourceAsset(*remote(self.path), self.path)
+                self._native = _umbel.SourceAsset(*remote(self.path), text_of(self.path))
             else:
                 self._native = _umbel.Asset(self.path)
         else:
             self.path = str(getattr(source, "name", source))
-            self._native = _umbel.SourceAsset(*readable(source), self.path)
+            self._native = _umbel.SourceAsset(*readable(source), text_of(self.path))
         self._info: dict[str, Any] | None = None
 
     def __repr__(self) -> str:

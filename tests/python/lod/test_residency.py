@@ -188,6 +188,16 @@ class Parts(io.FileIO):
         return super().read(min(count, 1000))
 
 
+def test_an_open_file_may_have_a_name_that_is_no_text(folder: Path) -> None:
+    with io.BytesIO((folder / "a.umbel").read_bytes()) as file:
+        file.name = "a\udcff.umbel"
+        expect_same(umbel.Asset(file), folder)
+    with io.BytesIO(b"no asset") as file:
+        file.name = "a\udcff.umbel"
+        with pytest.raises(umbel.Error, match=r"^a\?\.umbel: "):
+            umbel.Asset(file)
+
+
 def test_a_source_that_fails_or_gives_too_little_is_an_error(folder: Path) -> None:
     class Broken:
         def __init__(self, file: object, keep: int) -> None:
