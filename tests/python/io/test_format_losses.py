@@ -301,6 +301,15 @@ def test_materials_of_the_same_maps_have_an_image_that_is_made_once(tmp_path: Pa
         assert a.images[slot] is b.images[slot]
 
 
+def test_an_image_that_many_materials_miss_is_named_once(tmp_path: Path) -> None:
+    gone = TextureImage(path=tmp_path / "gone.png")
+    images = {"alpha": gone, "roughness": gone}
+    mesh = square(umbel.Material("a", images=images))
+    mesh.materials.append(umbel.Material("b", images=images))
+    with pytest.warns(umbel.LoadWarning, match=r"without: cannot read [^;]*gone\.png[^;]*$"):
+        umbel.save(tmp_path / "a.glb", mesh)
+
+
 def test_channels_of_an_image_that_many_materials_show_are_written_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

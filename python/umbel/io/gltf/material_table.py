@@ -37,7 +37,7 @@ class MaterialTable:
         made: Made = {}
         for k, material in enumerate(self.materials):
             self.materials[k], lost = packed(material, made)
-            self.lost += lost
+            self.lost += dict.fromkeys(what for what in lost if what not in self.lost)
             self.entries.append(write_material(self.materials[k], self.table.info))
 
     def number(self, index: int, sets: int) -> int:
