@@ -75,7 +75,7 @@ def boxes_of_cuts(
     Materials are hidden by clusters, as `CutRenderer` hides them."""
     found: list[NDArray[Any]] = []
     origin = asset.origin
-    hidden = matching(asset.materials, hide)
+    hidden = matching(asset.materials, hide) if hide else []  # reading them reads their images
     for one in shown:
         clusters = asset.mesh_tables(one.mesh).clusters[one.cut]
         clusters = clusters[~np.isin(clusters["material"], hidden)]
