@@ -17,6 +17,7 @@
 #include "mesh/streams.hpp"
 #include "scale/build_asset.hpp"
 #include "scale/run_task.hpp"
+#include "scale/tiers.hpp"
 #include "umbel/scale.hpp"
 #include "umbel/version.hpp"
 
@@ -40,7 +41,7 @@ void check(const UnitsConfig& config, const io::SourceStreams& streams) {
   MeshView mesh;
   mesh.extras = streams.extras;
   check_streams(mesh);
-  lod::check_config(mesh, lod::with_limits(config.lod));
+  scale::check_config(lod::with_limits(config.lod), streams);
 }
 
 bool has_units(const fs::path& work) {

@@ -426,11 +426,19 @@ class Tiers {
 
 }  // namespace
 
+void check_config(const lod::Config& config, const io::SourceStreams& streams) {
+  static constexpr uint32_t kAny = 0;
+  MeshView mesh;
+  mesh.extras = streams.extras;
+  if (streams.materials) mesh.materials = {&kAny, 1};
+  lod::check_config(mesh, config);
+}
+
 BuiltTiers build_tiers(const io::TriangleSource& source, const lod::Config& given,
                        const ScaleConfig& scale, const std::filesystem::path& work,
                        const TierOptions& options) {
   const lod::Config config = lod::with_limits(given);
-  lod::check_config(config);
+  check_config(config, source.streams());
   if (config.measured_error)
     throw Error(ErrorCode::kUnsupported,
                 "measured_error needs the whole mesh in memory: leave it out, or build in memory");

@@ -79,6 +79,10 @@ struct BuiltTiers {
   uint64_t collapsed_triangles = 0;
 };
 
+/// Throws kInvalidArgument where no source that has these can be built with it. Materials are
+/// looked at by build_tiers.
+void check_config(const lod::Config& config, const io::SourceStreams& streams);
+
 /// Builds all of a source, unit by unit. What the folder has of an earlier build, which was of the
 /// same input and configuration, is taken where it is whole. Throws what build_in_tiers throws, and
 /// kInvalidArgument where the input is another.

@@ -160,6 +160,26 @@ TEST(BuildInUnits, SetsThatNoMeshCanHaveAreRefused) {
   }
 }
 
+TEST(BuildInUnits, MixedMaterialsNeedRoomAmongFurtherAttributes) {
+  const Scratch scratch;
+  Given source(one_triangle());
+  SourceStreams streams;
+  streams.materials = true;
+  for (uint32_t set = 0; set < kMostExtraValues / 4; ++set)
+    streams.extras.push_back({ExtraKind::kJoints, set});
+  source.say(streams);
+  UnitsConfig config = config_in(scratch / "work");
+  config.lod.mix_materials = true;
+  try {
+    build_in_units(scratch / "a.umbel", source, config);
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument);
+    EXPECT_NE(std::string(error.what()).find("at most 39"), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(std::filesystem::exists(scratch / "work"));
+}
+
 TEST(BuildInUnits, LimitsOfZeroAreNone) {
   const Scratch scratch;
   const Mesh mesh = shapes::blob(5, 1);
