@@ -41,7 +41,7 @@ class OutputFile {
   void write(uint64_t offset, std::span<const std::byte> bytes);
   /// Flushes to the disk and gives the file its name.
   void commit();
-  /// Only gives the file its name: for what is of no use after a crash of the machine.
+  /// Only gives the file its name: for files that nobody reads after a crash of the machine.
   void commit_unflushed();
 
  private:

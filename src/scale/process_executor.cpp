@@ -57,7 +57,7 @@ class ProcessExecutor final : public Executor {
     for (std::string& word : words) arguments.push_back(word.data());
     arguments.push_back(nullptr);
     const std::string said = error_file(task).string();
-    // Whether there is room for what it says is not to be taken for a fault of the program.
+    // Otherwise the error would be that of a worker that cannot be started.
     if (!std::ofstream(said))
       throw Error(ErrorCode::kIo,
                   "cannot write " + said + ": " + std::generic_category().message(errno));

@@ -79,8 +79,8 @@ struct BuiltTiers {
   uint64_t collapsed_triangles = 0;
 };
 
-/// Throws kInvalidArgument where no source that has these can be built with it. Materials are
-/// looked at by build_tiers.
+/// Throws kInvalidArgument where no source that has these can be built with it. The numbers
+/// of materials are checked by build_tiers.
 void check_config(const lod::Config& config, const io::SourceStreams& streams);
 
 /// Builds all of a source, unit by unit. What the folder has of an earlier build, which was of the

@@ -51,7 +51,7 @@ class NewPositions {
   static constexpr float kMost = std::numeric_limits<float>::max();
   static constexpr int kMostSteps = 4096;
 
-  // Once for each position, whatever else vertices have there.
+  // Each position once, though several vertices may have it.
   void insert_all(const Source& source) {
     constexpr size_t kAhead = 16;
     const std::vector<Vec3>& positions = source.mesh.positions;

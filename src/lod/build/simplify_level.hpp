@@ -38,12 +38,12 @@ class LevelSimplifier {
 
   /// One result a group of the unit's pending clusters. New vertices are appended to the source.
   /// `ratio` is what should be left; `progress` is called with the part that is done, now and then.
-  /// `between`, if there is one group: becomes the same after half the step, without what the
-  /// caller would do. It is of no use before settle_between().
+  /// `between` may be given where there is one group: it becomes that group after half the step,
+  /// without the caller's decimation, and must be passed to settle_between() before it is used.
   std::vector<GroupResult> simplify(const Clusters& groups, float ratio, bool last_resort,
                                     const std::function<void(double)>& progress,
                                     GroupResult* between);
-  /// Appends its new vertices to the source.
+  /// Appends the new vertices of `between` to the source.
   void settle_between(GroupResult& between);
 
  private:

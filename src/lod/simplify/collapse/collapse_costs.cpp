@@ -259,8 +259,8 @@ CollapseCosts::Move* CollapseCosts::room_for_moves(size_t most) {
   return room_.data();
 }
 
-// The apex of a cone has a vertex a triangle, each of which is looked at for every move. Where that
-// is very much, only the moves that cost least without attributes are.
+// The apex of a cone has one vertex for each triangle, and every move looks at all of them. Where
+// that would be too much work, only the moves that cost least without attributes are kept.
 void CollapseCosts::keep_cheapest_moves(size_t wedges) {
   constexpr size_t kMostWedges = 4096;  // of all moves
   const size_t most = std::max<size_t>(kMostWedges / wedges, 1);

@@ -66,7 +66,8 @@ CollapseMesh::Kind CollapseMesh::kind_of(uint32_t p) {
   for (const LinkEdge& e : edges) ends += marks_[e.prev] != is_next;
   if (ends > 1) return other;
   if (ends == 1) {
-    // The one that none ends at, if no two end alike: else it is of no matter.
+    // The one that none ends at, if no two end alike. If two do, no walk reaches all of them,
+    // wherever it begins.
     size_t sum = edges.size() * (edges.size() - 1) / 2;
     for (const LinkEdge& e : edges)
       if (marks_[e.prev] == is_next) sum -= slots_[e.prev];

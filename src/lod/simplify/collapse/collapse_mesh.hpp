@@ -123,7 +123,7 @@ class CollapseMesh {
 template <typename Visit>
 void CollapseMesh::for_each_target(uint32_t p, const Visit& visit) const {
   const auto edges = link(p);
-  // The corner of a polygon from which all of it was cut into triangles has very many.
+  // Where a polygon was cut into a fan of triangles, their common corner has very many.
   constexpr size_t kFew = 32;
   const bool is_marked = edges.size() > kFew && kinds_[p] != Kind::kInterior;
   if (is_marked) mark_sides(edges);
