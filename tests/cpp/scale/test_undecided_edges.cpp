@@ -1,7 +1,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <filesystem>
 #include <random>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "asset/scratch.hpp"
 #include "mesh/vertex_bits.hpp"
