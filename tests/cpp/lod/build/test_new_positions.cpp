@@ -18,6 +18,7 @@ TEST(NewPositions, are_apart_whatever_the_size_and_the_step) {
     for (const float step : {0.0f, 0.25f, 0x1p-60f}) {
       Source source;
       source.mesh.positions = {{x, 0, 0}};
+      source.position_ids = {0};
       AddedVertices added;
       for (int i = 0; i < 4; ++i) {
         added.mesh.positions.push_back({x, 0, 0});
