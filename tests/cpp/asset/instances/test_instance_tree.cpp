@@ -185,10 +185,11 @@ TEST(StandIn, is_not_stretched_across_what_is_flat) {
     for (int level = 0; level < 8; ++level, apart *= 2) {
       std::vector<asset::Member> members;
       for (int i = 0; i < 8; ++i) {
+        const int x = i % 2, y = i / 2 % 2, z = i / 4;
         Instance moved = member.instance;
-        moved.transform.rows[3] += static_cast<float>(i % 2 * apart);
-        moved.transform.rows[7] += static_cast<float>(i / 2 % 2 * apart);
-        moved.transform.rows[11] += static_cast<float>(i / 4 * apart);
+        moved.transform.rows[3] += static_cast<float>(x * apart);
+        moved.transform.rows[7] += static_cast<float>(y * apart);
+        moved.transform.rows[11] += static_cast<float>(z * apart);
         members.push_back(asset::member_of(moved, box));
       }
       member = asset::stand_in(members, std::vector<Aabb>{box}, 0.3);
