@@ -20,7 +20,7 @@ fsspec = pytest.importorskip("fsspec")
 UNIT = 4000
 TILES = "memory://bucket/tiles/*.ply"
 OUTPUT = "memory://bucket/scan.umbel"
-WORK = "memory://bucket/work"
+WORK = "memory://bucket/job"
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_driver_starts_again(
     first, second = Stops(after), Stops(-1)
     with pytest.raises(KeyboardInterrupt):
         build(first)
-    assert "/bucket/work/manifest.json" in names(bucket)
+    assert "/bucket/job/manifest.json" in names(bucket)
     if elsewhere:
         shutil.rmtree(tmp_path / "temporary")
         (tmp_path / "temporary").mkdir()
@@ -125,7 +125,7 @@ def test_damaged_input_of_a_unit_is_noticed(bucket: Any) -> None:
             if task.kind != "build":
                 return super().submit(task)
             assert task.inputs
-            path = f"/bucket/work/t0/route/s{task.inputs[0].shard:06d}.route"
+            path = f"/bucket/job/t0/route/s{task.inputs[0].shard:06d}.route"
             data = bytearray(bucket.cat(path))
             begin, end = task.inputs[0].stretches[-1]
             data[(begin + end) // 2] ^= 1
@@ -189,17 +189,17 @@ def test_attributes_that_are_not_wanted(bucket: Any, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("own", ["notes.txt", "t1/mesh.ply"])
 def test_folders_of_others_are_left_alone(bucket: Any, own: str) -> None:
-    bucket.pipe(f"/bucket/work/{own}", b"mine")
+    bucket.pipe(f"/bucket/job/{own}", b"mine")
     with pytest.raises(umbel.Error, match=f"no build's, such as {own}"):
         build(InProcess())
-    assert names(bucket) == [f"/bucket/work/{own}"]
+    assert names(bucket) == [f"/bucket/job/{own}"]
 
 
 def test_the_output_may_be_in_the_work_folder(bucket: Any, made_of_tiles: bytes) -> None:
     output = f"{WORK}/scan.umbel"
     build_asset(TILES, output, work=WORK, unit_triangles=UNIT, executor=InProcess())
-    assert bucket.cat("/bucket/work/scan.umbel") == made_of_tiles
-    assert not any(name.startswith("/bucket/work/t0") for name in names(bucket))
+    assert bucket.cat("/bucket/job/scan.umbel") == made_of_tiles
+    assert not any(name.startswith("/bucket/job/t0") for name in names(bucket))
 
 
 def test_addresses_without_an_executor(bucket: Any, made_of_tiles: bytes) -> None:
