@@ -96,8 +96,6 @@ def unknown_names(root: Json) -> Iterator[str]:
 def _attributes(attributes: Json, root: Json) -> set[str]:
     """Those that a Mesh cannot hold."""
     lost = set(attributes) - _PLAIN
-    sets = [k for k in range(8) if f"TEXCOORD_{k}" in attributes]
-    lost.update(f"TEXCOORD_{k}" for place, k in enumerate(sets) if k != place)
     for k in range(3):  # joints and weights, up to the first set that is not whole
         pair = {f"JOINTS_{k}", f"WEIGHTS_{k}"}
         if not pair <= set(attributes) or not _is_whole(attributes[f"JOINTS_{k}"], root):

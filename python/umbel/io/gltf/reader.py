@@ -279,39 +279,43 @@ def check_attributes(arrays: dict[str, NDArray[Any]], where: str, name: str) -> 
 
 def _block(arrays: dict[str, NDArray[Any]], first_joint: int) -> Mesh:
     joints, weights = _skin(arrays, first_joint)
+    uvs = _uvs(arrays)
     return Mesh(
         arrays["POSITION"],
         np.zeros((0, 3), np.uint32),
         normals=unit_normals(arrays["NORMAL"]) if "NORMAL" in arrays else None,
         tangents=arrays.get("TANGENT"),
-        uvs=arrays.get("TEXCOORD_0"),
+        uvs=uvs[0] if uvs else None,
         colors=arrays.get("COLOR_0"),
-        uv_sets=_further_uvs(arrays),
+        uv_sets=uvs[1:],
         joints=joints,
         weights=weights,
     )
 
 
-def _numbered(
-    arrays: dict[str, NDArray[Any]], prefix: str, first: int, most: int
-) -> list[NDArray[Any]]:
-    """Those of PREFIX_first, PREFIX_first+1, ... up to the first that is not there."""
+def _numbered(arrays: dict[str, NDArray[Any]], prefix: str, most: int) -> list[NDArray[Any]]:
+    """Those of PREFIX_0, PREFIX_1, ... up to the first that is not there."""
     out: list[NDArray[Any]] = []
-    while len(out) < most and f"{prefix}_{first + len(out)}" in arrays:
-        out.append(arrays[f"{prefix}_{first + len(out)}"])
+    while len(out) < most and f"{prefix}_{len(out)}" in arrays:
+        out.append(arrays[f"{prefix}_{len(out)}"])
     return out
 
 
-def _further_uvs(arrays: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
-    return _numbered(arrays, "TEXCOORD", 1, MOST_UVS) if "TEXCOORD_0" in arrays else []
+def _uvs(arrays: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
+    """All sets of texture coordinates, zeros for those before the last that are not there."""
+    given = [arrays.get(f"TEXCOORD_{k}") for k in range(1 + MOST_UVS)]
+    while given and given[-1] is None:
+        given.pop()
+    zeros = np.zeros((len(arrays["POSITION"]), 2), np.float32)
+    return [zeros if uvs is None else uvs for uvs in given]
 
 
 def _skin(
     arrays: dict[str, NDArray[Any]], first_joint: int
 ) -> tuple[UInt32Array | None, Float32Array | None]:
     """Joints and weights of all sets; joints without weight are 0."""
-    joints = _numbered(arrays, "JOINTS", 0, _MOST_SKIN_SETS)
-    weights = _numbered(arrays, "WEIGHTS", 0, _MOST_SKIN_SETS)
+    joints = _numbered(arrays, "JOINTS", _MOST_SKIN_SETS)
+    weights = _numbered(arrays, "WEIGHTS", _MOST_SKIN_SETS)
     sets = min(len(joints), len(weights))
     if not sets or any(j.dtype.kind != "u" for j in joints[:sets]):
         return None, None

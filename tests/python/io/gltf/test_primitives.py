@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
+import umbel
 from helpers.gltf_builder import INDICES, GltfBuilder, one, read
 from helpers.mesh_files import (
     TETRA_POSITIONS,
@@ -92,6 +95,33 @@ def test_attributes_that_some_primitives_lack_are_filled_in(tmp_path: Path) -> N
     assert np.allclose(mesh.normals[4], -1 / np.sqrt(3), atol=1e-6)
     assert np.allclose(np.linalg.norm(mesh.tangents[4:, :3], axis=1), 1, atol=1e-6)
     assert np.abs((mesh.tangents[4:, :3] * mesh.normals[4:]).sum(axis=1)).max() < 1e-6
+
+
+@pytest.mark.parametrize("sets", [[1], [0, 2], [2, 7]])
+def test_texture_coordinates_keep_their_sets_where_earlier_ones_are_not_there(
+    tmp_path: Path, sets: list[int]
+) -> None:
+    b = GltfBuilder()
+    given = {k: np.random.default_rng(k).random((4, 2)).astype(np.float32) for k in sets}
+    attributes = {f"TEXCOORD_{k}": uv for k, uv in given.items()}
+    b.root["materials"] = [{"normalTexture": {"index": 0, "texCoord": sets[0]}}]
+    b.root["textures"], b.root["images"] = [{"source": 0}], [{"uri": "n.png"}]
+    Image.new("RGB", (2, 2), (128, 128, 255)).save(tmp_path / "n.png")
+    one(b.primitive({"POSITION": TETRA_POSITIONS, **attributes}, INDICES, material=0), builder=b)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mesh = read(tmp_path, b)
+        umbel.save(tmp_path / "out.glb", mesh)
+        again = umbel.load(tmp_path / "out.glb")
+        umbel.build_lod(mesh).save(tmp_path / "out.umbel")
+    zeros = np.zeros((4, 2), np.float32)
+    for one_of in (mesh, again):
+        assert len(one_of.uv_sets) == sets[-1]
+        for k, uv in enumerate([one_of.uvs, *one_of.uv_sets]):
+            assert np.array_equal(uv, given.get(k, zeros))
+    asset = umbel.Asset(tmp_path / "out.umbel")
+    assert len(asset.mesh(asset.cut(level=0)).uv_sets) == sets[-1]
+    assert again.materials[0].images["normal"].encoded() == (tmp_path / "n.png").read_bytes()
 
 
 def test_indices_beyond_the_vertices_pass_for_validation_to_find(tmp_path: Path) -> None:
