@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from umbel.io.gltf.buffers import MESHOPT
+from umbel.io.gltf.materials import ALPHA_MODES
 from umbel.io.gltf.properties import unknown_properties
 
 Json = dict[str, Any]
@@ -41,7 +42,11 @@ def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[
     if of_instances:
         yield f"the instances' attributes {', '.join(sorted(of_instances, key=_natural))}"
     yield from _motion(root, [*meshes, *nodes], shown)
-    bases = [m.get("pbrMetallicRoughness") or {} for m in root.get("materials") or []]
+    materials = root.get("materials") or []
+    modes = {mode for m in materials if (mode := m.get("alphaMode", "OPAQUE")) not in ALPHA_MODES}
+    if modes:
+        yield f"the alphaMode {', '.join(map(repr, sorted(modes)))}, which is none of glTF's"
+    bases = [m.get("pbrMetallicRoughness") or {} for m in materials]
     data = [e for table in ("accessors", "bufferViews", "buffers") for e in root.get(table) or []]
     parts = [*shown, *meshes, *(root.get("skins") or []), *bases, *data]
     inside = {e for part in parts for e in part.get("extensions") or {}} - _READ

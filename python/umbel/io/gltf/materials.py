@@ -26,6 +26,7 @@ _SLOTS: dict[str, tuple[str, str]] = {
 }
 _STRENGTH = "KHR_materials_emissive_strength"
 _GLOSSY = "KHR_materials_pbrSpecularGlossiness"
+ALPHA_MODES = ("OPAQUE", "MASK", "BLEND")
 _NO_INFO = ("index", "image", "uri", "line")  #: what formats other than glTF say of a texture, too
 
 Reference = Callable[[str, Json, TextureImage], "Json | None"]
@@ -38,6 +39,7 @@ def read_material(entry: Json, image: Callable[[Any], TextureImage | None]) -> M
     extensions = copy.deepcopy(entry.get("extensions") or {})
     strength = (extensions.pop(_STRENGTH, None) or {}).get("emissiveStrength", 1)
     emissive = _color(entry.get("emissiveFactor"), (0.0, 0.0, 0.0))
+    mode = entry.get("alphaMode")
     material = Material(
         name=str(entry.get("name", "")),
         base_color=_color(pbr.get("baseColorFactor"), (1.0, 1.0, 1.0, 1.0)),
@@ -45,7 +47,7 @@ def read_material(entry: Json, image: Callable[[Any], TextureImage | None]) -> M
         roughness=float(pbr.get("roughnessFactor", 1.0)),
         emissive=tuple(v * float(strength) for v in emissive),
         double_sided=bool(entry.get("doubleSided", False)),
-        alpha_mode=str(entry.get("alphaMode", "OPAQUE")),
+        alpha_mode=mode if mode in ALPHA_MODES else "OPAQUE",
         alpha_cutoff=float(entry.get("alphaCutoff", 0.5)),
         extensions=extensions,
         extras=copy.deepcopy(entry.get("extras")),

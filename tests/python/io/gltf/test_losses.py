@@ -38,6 +38,16 @@ def test_extras_and_extensions_of_primitives_meshes_and_colours(tmp_path: Path) 
     )
 
 
+def test_an_unknown_alpha_mode_becomes_opaque(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.root["materials"] = [{"alphaMode": "HASHED"}, {"alphaMode": "BLEND"}]
+    b.scene(b.node(mesh=b.tetra()))
+    assert lost(tmp_path, b) == "the alphaMode 'HASHED', which is none of glTF's"
+    with pytest.warns(LoadWarning):
+        materials = load_scene(tmp_path / "mesh.glb").materials
+    assert [m.alpha_mode for m in materials[:2]] == ["OPAQUE", "BLEND"]
+
+
 @pytest.mark.parametrize("table", ["accessors", "bufferViews", "buffers"])
 def test_extras_and_extensions_of_data(tmp_path: Path, table: str) -> None:
     b = GltfBuilder()
