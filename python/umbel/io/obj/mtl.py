@@ -124,6 +124,7 @@ class _Statements:
         self._grey = grey  # which images are, of those that were looked at
         self._has_roughness = False  # of its own: then the exponent does not count
         self._has_opacity = False  # of its own: then transparency does not count
+        self._transparency = ""  # the statement, if there is one
         self._has_emission = False  # of its own: then a map of it is multiplied by that
 
     def take(self, word: str, rest: str) -> list[str]:
@@ -149,12 +150,16 @@ class _Statements:
                 material.emissive, self._has_emission = (r, g, b), True
         elif key in ("d", "tr"):
             alpha = values[-1] if key == "d" else 1.0 - values[0]
+            same = abs(alpha - material.base_color[3]) < 1e-3
+            statement = " ".join([word, *words[:1]])
             if key == "tr" and self._has_opacity:  # some programs mean opacity by it
-                same = abs(alpha - material.base_color[3]) < 1e-3
-                return [] if same else [" ".join([word, *words[:1]])]
+                return [] if same else [statement]
+            lost = [self._transparency] if self._transparency and not same else []
+            self._transparency = statement if key == "tr" else ""
             self._has_opacity |= key == "d"
             material.base_color = (*material.base_color[:3], alpha)
             material.alpha_mode = "BLEND" if alpha < 1.0 else "OPAQUE"
+            return lost
         elif key == "pm":
             material.metallic = values[0]
         elif key == "pr":

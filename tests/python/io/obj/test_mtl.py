@@ -114,7 +114,9 @@ def test_maps_of_heights_are_no_maps_of_normals(tmp_path: Path, mode: str) -> No
         ("Tr 0.25", 0.75, []),
         ("d 0.25\nTr 0.75", 0.25, []),
         ("d 1.0\nTr 1.0", 1.0, ["Tr 1.0"]),
-        ("Tr 1.0\nd 1.0", 1.0, []),
+        ("Tr 1.0\nd 1.0", 1.0, ["Tr 1.0"]),
+        ("Tr 0.75\nd 0.25", 0.25, []),
+        ("Tr 0.0\nd 0.25\nd 0.5", 0.5, ["Tr 0.0"]),
     ],
 )
 def test_opacity_counts_more_than_transparency(
