@@ -71,6 +71,7 @@ export function memoryOf(info: GroupInfo, attributes: readonly Attribute[]): num
 
 export function packGroup(geometry: GroupGeometry, dag: GroupDag): RenderGroup {
   const { info, indices, values } = geometry;
+  const ranges = materialRangesOf(geometry);
   const packed: RenderGroup = {
     group: info.group,
     mesh: info.mesh,
@@ -81,8 +82,8 @@ export function packGroup(geometry: GroupGeometry, dag: GroupDag): RenderGroup {
     clusterCount: info.clusterCount,
     vertexOffsets: info.vertexOffsets.slice(),
     triangleOffsets: info.triangleOffsets.slice(),
-    ...materialRangesOf(geometry),
-    ...textureSizesOf(geometry),
+    ...ranges,
+    ...textureSizesOf(geometry, ranges),
     indices,
     positions: values.positions ?? new Float32Array(0),
     generating: info.generating.slice(),

@@ -2,39 +2,52 @@
 // this gives the resolution at which a texture is needed.
 
 import type { GroupGeometry } from "../decode/group.js";
+import { UV_SETS } from "../format/attributes.js";
+import type { MaterialRanges } from "./material_ranges.js";
 
 export interface TextureSizes {
-  /** The materials of the group's clusters, each once. */
+  /** A material of the group's triangles and a set of texture coordinates: each pair once. */
   sizeMaterials: Uint32Array;
+  sizeSets: Uint8Array;
   /** For each: length on the surface that a whole texture covers, in the mesh's units. */
   sizes: Float32Array;
 }
 
-/** Every so many triangles one is measured; a mean needs no more. */
+/** Every so many triangles of a range one is measured; a mean needs no more. */
 const STEP = 4;
 
-export function textureSizesOf({ info, indices, values }: GroupGeometry): TextureSizes {
-  const { positions, uvs } = values;
-  if (!positions || !uvs) return { sizeMaterials: new Uint32Array(0), sizes: new Float32Array(0) };
-  const areas = new Map<number, { surface: number; texture: number }>();
-  for (let c = 0; c < info.clusterCount; ++c) {
-    const material = info.material[c];
-    let sum = areas.get(material);
-    if (!sum) {
-      sum = { surface: 0, texture: 0 };
-      areas.set(material, sum);
-    }
-    for (let t = info.triangleOffsets[c]; t < info.triangleOffsets[c + 1]; t += STEP) {
-      const [i, j, k] = [indices[3 * t], indices[3 * t + 1], indices[3 * t + 2]];
-      sum.surface += surfaceArea(positions, i, j, k);
-      sum.texture += textureArea(uvs, i, j, k);
-    }
-  }
-  const sizes = [...areas.values()].map(({ surface, texture }) =>
+/** @param ranges of the triangles, whose indices are in the order of the ranges */
+export function textureSizesOf(
+  { indices, values }: Pick<GroupGeometry, "indices" | "values">,
+  { rangeMaterials, rangeTriangles }: MaterialRanges,
+): TextureSizes {
+  const { positions } = values;
+  const rows: { material: number; set: number; size: number }[] = [];
+  UV_SETS.forEach((name, set) => {
+    const uvs = values[name];
+    if (!positions || !uvs) return;
+    const areas = new Map<number, { surface: number; texture: number }>();
+    rangeMaterials.forEach((material, range) => {
+      let sum = areas.get(material);
+      if (!sum) {
+        sum = { surface: 0, texture: 0 };
+        areas.set(material, sum);
+      }
+      for (let t = rangeTriangles[range]; t < rangeTriangles[range + 1]; t += STEP) {
+        const [i, j, k] = [indices[3 * t], indices[3 * t + 1], indices[3 * t + 2]];
+        sum.surface += surfaceArea(positions, i, j, k);
+        sum.texture += textureArea(uvs, i, j, k);
+      }
+    });
     // If all vertices share one texture coordinate, the smallest copy suffices.
-    texture > 0 ? Math.sqrt(surface / texture) : 0,
-  );
-  return { sizeMaterials: Uint32Array.from(areas.keys()), sizes: Float32Array.from(sizes) };
+    for (const [material, { surface, texture }] of areas)
+      rows.push({ material, set, size: texture > 0 ? Math.sqrt(surface / texture) : 0 });
+  });
+  return {
+    sizeMaterials: Uint32Array.from(rows, ({ material }) => material),
+    sizeSets: Uint8Array.from(rows, ({ set }) => set),
+    sizes: Float32Array.from(rows, ({ size }) => size),
+  };
 }
 
 /** Twice the area of a triangle on the surface. */

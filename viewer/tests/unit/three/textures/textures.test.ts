@@ -1,4 +1,4 @@
-import { MeshBasicMaterial, type WebGLRenderer } from "three";
+import { MeshBasicMaterial, type Texture, type WebGLRenderer } from "three";
 import { afterEach, expect, test, vi } from "vitest";
 import { UmbelError, type UmbelErrorKind } from "../../../../packages/umbel/src/errors.js";
 import { Textures } from "../../../../packages/umbel/src/three/textures/textures.js";
@@ -32,7 +32,7 @@ function unreadable(kind: UmbelErrorKind, failures: number) {
     },
   );
   textures.use(0, new MeshBasicMaterial(), ["map"], { index: 0 }, true, "white");
-  textures.setDemand(new Map([[0, 8]]), {} as WebGLRenderer);
+  textures.setDemand(new Map([[0, [8]]]), {} as WebGLRenderer);
   return { textures, notes, reads: () => reads };
 }
 
@@ -53,4 +53,34 @@ test("a damaged texture is given up", async () => {
   expect(reads()).toBe(2);
   expect([...notes]).toEqual(["A texture could not be read."]);
   expect(textures.statistics).toMatchObject({ resident: 0, missing: 0, isComplete: true });
+});
+
+test("a texture is as large as its own set of texture coordinates asks for", async () => {
+  const stream = {
+    info: {
+      materials: {
+        textures: [{ source: 0 }, { source: 1 }],
+        images: [{ file: 0 }, { file: 1 }].map((file) => ({ ...file, width: 4096, height: 4096 })),
+      },
+    },
+    readFile: async () => new Uint8Array(4),
+  };
+  vi.stubGlobal("createImageBitmap", async (_from: unknown, options?: ImageBitmapOptions) => {
+    const side = options?.resizeWidth ?? 4096;
+    return { width: side, height: side, close: () => {} };
+  });
+  const textures = new Textures(
+    stream as unknown as AssetStream,
+    "",
+    () => {},
+    () => {},
+  );
+  const material = new MeshBasicMaterial();
+  textures.use(0, material, ["map"], { index: 0 }, true, "white");
+  textures.use(0, material, ["lightMap"], { index: 1, texCoord: 1 }, true, "white");
+  textures.setDemand(new Map([[0, [100, 1000]]]), {} as WebGLRenderer);
+  textures.beginFrame();
+  const widthOf = (texture: Texture | null) => (texture?.image as ImageBitmap | undefined)?.width;
+  await vi.waitFor(() => expect(textures.statistics.missing).toBe(0), 20_000);
+  expect([widthOf(material.map), widthOf(material.lightMap)]).toEqual([128, 1024]);
 });

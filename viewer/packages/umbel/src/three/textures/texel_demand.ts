@@ -9,6 +9,9 @@ const INTERVAL = 150;
 /** Least distance to a group that counts, in radii of its sphere. */
 const NEAREST = 0.02;
 
+/** For materials, by their numbers: texels for each set of texture coordinates. */
+export type TexelsByMaterial = ReadonlyMap<number, readonly number[]>;
+
 export class TexelDemand {
   /** Whether the current view has been measured. */
   isDone = false;
@@ -19,15 +22,15 @@ export class TexelDemand {
   /**
    * Measures the instances if the view has changed and the last measurement is old enough.
    * @param view a key that changes with the camera and the cut
-   * @param listener `measured` gets the texels of each visible material; `again` asks for another
-   *   call, because this one came too soon
+   * @param listener `measured` gets the texels of each visible material, by its sets of texture
+   *   coordinates; `again` asks for another call, because this one came too soon
    */
   update(
     instances: readonly MeshInstance[],
     camera: Camera,
     height: number,
     view: string,
-    listener: { measured(texels: Map<number, number>): void; again(): void },
+    listener: { measured(texels: TexelsByMaterial): void; again(): void },
   ): void {
     if (view !== this.last) this.isDone = false;
     if (this.isDone) return;
@@ -46,13 +49,13 @@ export class TexelDemand {
   }
 }
 
-/** For each visible material: texels of a whole texture at one texel a pixel. */
+/** For each visible material and set of texture coordinates: texels of a whole texture, one a pixel. */
 export function wantedTexels(
   instances: readonly MeshInstance[],
   camera: Camera,
   height: number,
-): Map<number, number> {
-  const texels = new Map<number, number>();
+): TexelsByMaterial {
+  const texels = new Map<number, number[]>();
   for (const instance of instances) {
     const world = instance.worldMatrix();
     const eye = cameraPosition(camera, world);
@@ -62,7 +65,10 @@ export function wantedTexels(
       const perUnit = pixels(Math.max(box.distanceToPoint(eye), minDistance, 1e-30));
       group.sizeMaterials.forEach((material, i) => {
         const wanted = perUnit * (group.sizes[i] as number);
-        texels.set(material, Math.max(texels.get(material) ?? 0, wanted));
+        const set = group.sizeSets[i] as number;
+        const ofSets = texels.get(material) ?? [];
+        ofSets[set] = Math.max(ofSets[set] ?? 0, wanted);
+        texels.set(material, ofSets);
       });
     }
   }

@@ -8,8 +8,9 @@ import { readWhole } from "../../source/patient_fetch.js";
 import type { AssetStream } from "../../worker/asset_stream.js";
 import { type DecodedImage, ImageDecoder, shrunk } from "./image_decoder.js";
 import { type Placeholder, placeholderImage } from "./placeholders.js";
-import { repeatsOf } from "./sampler.js";
+import { channelOf, repeatsOf } from "./sampler.js";
 import { close, type ImageLevel, StreamedImage } from "./streamed_image.js";
+import type { TexelsByMaterial } from "./texel_demand.js";
 import { planSizes } from "./texture_plan.js";
 
 /** Number of images that are read or decoded at the same time. */
@@ -41,8 +42,11 @@ export class Textures {
   private readonly samplers: Json[];
   private readonly imageRows: Json[];
   private readonly images = new Map<number, StreamedImage>();
-  /** For each material its images, and the repeats of each. */
-  private readonly usedBy = new Map<number, { image: StreamedImage; repeats: number }[]>();
+  /** For each material its images, and each one's repeats and set of texture coordinates. */
+  private readonly usedBy = new Map<
+    number,
+    { image: StreamedImage; repeats: number; set: number }[]
+  >();
   private readonly decoder: ImageDecoder;
   private renderer: WebGLRenderer | undefined;
   private active = 0;
@@ -106,7 +110,7 @@ export class Textures {
       placeholder: placeholderImage(placeholder),
     });
     const used = this.usedBy.get(materialIndex) ?? [];
-    used.push({ image, repeats: repeatsOf(info) });
+    used.push({ image, repeats: repeatsOf(info), set: channelOf(info) });
     this.usedBy.set(materialIndex, used);
     return true;
   }
@@ -125,14 +129,15 @@ export class Textures {
 
   /**
    * Sets the resolution at which textures are needed, and plans again.
-   * @param demand for each visible material the texels of a whole texture, at one texel a pixel
+   * @param demand for each visible material and set of texture coordinates the texels of a whole
+   *   texture, at one texel a pixel
    */
-  setDemand(demand: ReadonlyMap<number, number>, renderer: WebGLRenderer): void {
+  setDemand(demand: TexelsByMaterial, renderer: WebGLRenderer): void {
     this.renderer = renderer;
     for (const image of this.images.values()) image.wanted = 0;
     for (const [material, texels] of demand)
-      for (const { image, repeats } of this.usedBy.get(material) ?? [])
-        image.wanted = Math.max(image.wanted, texels / repeats, 1);
+      for (const { image, repeats, set } of this.usedBy.get(material) ?? [])
+        image.wanted = Math.max(image.wanted, (texels[set] ?? 0) / repeats, 1);
     this.plan();
   }
 
