@@ -19,7 +19,7 @@ constexpr float kLockedWeight = 60.0f;
 constexpr uint32_t kMostOwners = 64;
 
 // Clusters that are connected by one task.
-constexpr size_t kRun = 512;
+constexpr size_t kRun = 64;
 
 }  // namespace
 
@@ -81,9 +81,14 @@ void Grouper::prepare(const ClusterSet& set) {
   is_prepared_ = true;
 }
 
-Grouper::Run Grouper::connect(size_t begin, size_t end, std::span<const uint8_t> locked) const {
+Grouper::Run Grouper::connect(size_t begin, size_t end, std::span<const uint8_t> locked,
+                              Entries& entries) const {
   Run run;
-  std::vector<uint32_t> entry_of(shared_.offsets.size() - 1, kNone);
+  constexpr uint32_t kMostEntries = 1u << 31;
+  if (entries.next > kMostEntries) entries = {};
+  const size_t clusters = shared_.offsets.size() - 1;
+  if (entries.of.size() < clusters) entries.of.resize(clusters, 0);
+  const uint32_t base = entries.next;
   for (size_t c = begin; c < end; ++c) {
     const uint32_t first = static_cast<uint32_t>(run.targets.size());
     for (uint32_t i = shared_.offsets[c]; i < shared_.offsets[c + 1]; ++i) {
@@ -94,17 +99,18 @@ Grouper::Run Grouper::connect(size_t begin, size_t end, std::span<const uint8_t>
       for (uint32_t j = from; j < to; ++j) {
         const uint32_t other = shared_.owners[j];
         if (other == c) continue;
-        // Entries of earlier clusters are below `first`, so no reset is needed.
-        if (entry_of[other] == kNone || entry_of[other] < first) {
-          entry_of[other] = static_cast<uint32_t>(run.targets.size());
+        uint32_t& entry = entries.of[other];
+        if (entry < base + first) {
+          entry = base + static_cast<uint32_t>(run.targets.size());
           run.targets.push_back(other);
           run.weights.push_back(0.0f);
         }
-        run.weights[entry_of[other]] += weight;
+        run.weights[entry - base] += weight;
       }
     }
     run.ranges.push_back({first, static_cast<uint32_t>(run.targets.size()) - first});
   }
+  entries.next = base + static_cast<uint32_t>(run.targets.size());
   return run;
 }
 
@@ -113,7 +119,7 @@ Clusters Grouper::group(const ClusterSet& set, std::span<const uint8_t> locked,
   if (!std::exchange(is_prepared_, false)) find_shared(set);
   std::vector<Run> runs((set.size() + kRun - 1) / kRun);
   parallel_chunks(set.size(), kRun, [&](size_t begin, size_t end) {
-    runs[begin / kRun] = connect(begin, end, locked);
+    runs[begin / kRun] = connect(begin, end, locked, entries_.local());
   });
   std::vector<Range> ranges;
   std::vector<uint32_t> targets;

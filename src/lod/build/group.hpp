@@ -1,6 +1,8 @@
 // Groups of neighbouring clusters, and what they share.
 #pragma once
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -49,18 +51,25 @@ class Grouper {
     std::vector<uint32_t> targets;
     std::vector<float> weights;
   };
+  // Where a cluster stands in the targets of the cluster that is being connected. Numbers go on
+  // from one cluster and one run to the next, so that none is reset.
+  struct Entries {
+    std::vector<uint32_t> of;  // by cluster: 0 before the first
+    uint32_t next = 1;
+  };
   struct Positions {
     std::span<const uint32_t> all, offsets;  // clusters + 1, into all
   };
   Positions positions_of(const ClusterSet& set);
   void find_shared(const ClusterSet& set);
-  Run connect(size_t begin, size_t end, std::span<const uint8_t> locked) const;
+  Run connect(size_t begin, size_t end, std::span<const uint8_t> locked, Entries& entries) const;
 
   const Source& source_;
   std::vector<uint32_t> owners_;                       // by position id
   std::vector<uint32_t> own_positions_, own_offsets_;  // scratch, where there are wedges
   std::vector<uint32_t> last_owner_;                   // by position id: stamp of a cluster
   uint32_t owner_stamp_ = 0;
+  tbb::enumerable_thread_specific<Entries> entries_;
   Shared shared_;
   bool is_prepared_ = false;      // shared_ is that of what is grouped next
   std::vector<uint32_t> locked_;  // positions
