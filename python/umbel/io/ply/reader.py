@@ -28,7 +28,7 @@ from umbel.io.ply import names as ply_names
 from umbel.io.ply.data import Columns, ListColumn, read_tables
 from umbel.io.ply.losses import LIST, warn_of_losses
 from umbel.io.polygons import fans, strips
-from umbel.io.scene import Instance, Scene
+from umbel.io.scene import NO_MATERIAL, Instance, Scene, with_default
 
 #: Types whose colours run to the largest number. Others may hold bytes; all values together tell.
 WHOLE_COLORS = {"u1", "i1", "u2"}
@@ -88,7 +88,7 @@ def _mesh(columns: dict[str, Columns], where: str) -> Mesh:
     faces = columns.get("face", {})
     normals = _floats(_stack(vertex, ply_names.NORMAL))
     triangles, parents = _triangles(columns, where)
-    materials, ids = _materials(faces, parents, where)
+    materials, ids = with_default(*_materials(faces, parents, where), metallic=0.0)
     mesh = Mesh(
         points,
         triangles,
@@ -189,15 +189,17 @@ def _materials(
     )
     if column is None or column.dtype.kind == "f":
         return [], None
-    if parents is not None:
-        column = np.where(parents >= 0, column[np.maximum(parents, 0)], 0) if len(column) else None
-    if column is None or not len(column):
+    of_faces = slice(None) if parents is None else parents >= 0
+    column = column if parents is None else column[parents[of_faces]]
+    if not len(column):
         return [], None
     low, high = int(column.min()), int(column.max())
     if low < 0 or high >= MOST_MATERIALS:
         _warn(f"{where}: material indices run from {low} to {high} and are left out")
         return [], None
-    return [Material(name=f"material_{k}") for k in range(high + 1)], column.astype(np.uint32)
+    ids = np.full(len(column) if parents is None else len(parents), NO_MATERIAL, np.uint32)
+    ids[of_faces] = column
+    return [Material(name=f"material_{k}") for k in range(high + 1)], ids
 
 
 def _with_corner_uvs(mesh: Mesh, faces: Columns) -> Mesh:

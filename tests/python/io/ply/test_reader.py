@@ -219,6 +219,26 @@ def test_material_indices_follow_their_polygon(tmp_path: Path) -> None:
     assert len(mesh.materials) == 3
 
 
+@pytest.mark.parametrize("polygons", [[([0, 1, 2], 1)], [([0, 1, 2, 3], 1)], []])
+def test_strips_beside_faces_with_materials_have_none_of_these(
+    tmp_path: Path, polygons: list[Any]
+) -> None:
+    data = ply_bytes(
+        [
+            ("vertex", XYZ, rows(TETRA_POSITIONS)),
+            ("face", [*FACE, ("int", "material_index")], polygons),
+            ("tristrips", [("list", "int", "int", "vertex_indices")], [([0, 1, 2, 3],)]),
+        ]
+    )
+    mesh = read(tmp_path, data)
+    assert len(mesh.triangles) == sum(len(face) - 2 for face, _ in polygons) + 2
+    if not polygons:
+        assert mesh.material_ids is None
+        return
+    names = [mesh.materials[k].name for k in mesh.material_ids]
+    assert names == ["material_1"] * (len(names) - 2) + ["default"] * 2
+
+
 @pytest.mark.parametrize("fmt", FORMATS)
 def test_corner_coordinates_split_vertices_only_at_seams(tmp_path: Path, fmt: str) -> None:
     properties = [*FACE, ("list", "uchar", "float", "texcoord")]
