@@ -70,7 +70,6 @@ export class ClusterTint {
         .replace("#include <common>", "#include <common>\nflat in vec4 umbelClusterTint;")
         .replace("#include <color_fragment>", `#include <color_fragment>\n${FRAGMENT_CODE}`);
     };
-    material.customProgramCacheKey = () => "umbel tint";
   }
 
   private texture(): DataTexture {
