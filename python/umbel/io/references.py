@@ -13,7 +13,7 @@ import struct
 import urllib.parse
 import zlib
 from collections.abc import Iterable, Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from umbel.io.obj.mtl import map_names, words_of
@@ -21,6 +21,8 @@ from umbel.io.obj.mtl import map_names, words_of
 _BLOCK = 1 << 20
 _JSON_CHUNK = 0x4E4F534A
 _CONTINUED = re.compile(rb"\\\s*\n\s*")
+#: Of a URI that names no file. A drive's letter is none.
+_SCHEME = re.compile(r"(?!file:)[a-z][a-z0-9+.-]+:", re.IGNORECASE)
 _COMMENT = re.compile(rb"\s#.*")
 
 
@@ -96,8 +98,8 @@ def named_files(path: Path) -> set[str]:
 def leads_outside(name: str) -> bool:
     """Whether a reference leaves the folder of the file that it is in."""
     relative = PurePosixPath(name.replace("\\", "/"))
-    parts = relative.parts
-    return relative.is_absolute() or ".." in parts or bool(parts and ":" in parts[0])
+    is_rooted = relative.is_absolute() or bool(PureWindowsPath(name).drive)
+    return is_rooted or ".." in relative.parts
 
 
 def _read(path: Path, name: str) -> tuple[str, list[str]]:
@@ -161,7 +163,7 @@ def _of_gltf(text: bytes) -> Iterator[str]:
     except (AttributeError, RecursionError, TypeError, ValueError):
         return
     for uri in uris:
-        if isinstance(uri, str) and uri[:5].lower() != "data:":
+        if isinstance(uri, str) and not _SCHEME.match(uri):
             yield urllib.parse.unquote(uri.removeprefix("file://"), errors="surrogateescape")
 
 

@@ -19,7 +19,7 @@ import umbel
 from helpers.commands import Umbel
 from umbel.io import load_scene
 from umbel.io.addresses import name_of
-from umbel.io.references import references, source_digest
+from umbel.io.references import leads_outside, references, source_digest
 
 fsspec = pytest.importorskip("fsspec")
 PIXEL = bytes.fromhex(
@@ -239,6 +239,33 @@ def test_digests_follow_no_reference_out_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "out.mtl").write_bytes(b"newmtl b\n")
     assert source_digest(inner / "a.obj") == before[0]
     assert source_digest(inner / "a.obj", allow_outside=True) != before[1]
+
+
+@pytest.mark.parametrize("name", ["12:30.png", "noon:half.png"])
+def test_names_with_colons_are_beside_the_file(folder: Path, in_memory: str, name: str) -> None:
+    memory = fsspec.filesystem("memory")
+    uri = name.replace("noon:", "noon%3A")
+    texts = {
+        "sub/paint.mtl": f"newmtl red\nmap_Kd {name}\n",
+        "b.gltf": (folder / "b.gltf").read_text().replace("red.png", uri),
+    }
+    for file, text in texts.items():
+        (folder / file).write_text(text)
+        memory.pipe(f"{in_memory}/{file}", text.encode())
+    memory.pipe(f"{in_memory}/{name}", PIXEL)
+    memory.pipe(f"{in_memory}/sub/{name}", PIXEL)
+    seen = {source_digest(folder / file) for file in ("a.obj", "b.gltf")}
+    for place in (folder, folder / "sub"):
+        (place / name).write_bytes(PIXEL)
+    seen |= {source_digest(folder / file) for file in ("a.obj", "b.gltf")}
+    assert len(seen) == 4
+    for file in ("a.obj", "b.gltf"):
+        [material] = load_scene(f"{in_memory}/{file}").materials
+        assert material.images["base_color"].encoded() == PIXEL
+    http = (folder / "b.gltf").read_text().replace(uri, "https://example.org/red.png")
+    assert references("b.gltf", http.encode()) == ["my buffer.bin"]
+    for outside in ("c:/red.png", "C:red.png", "/red.png", "..\\red.png"):
+        assert leads_outside(outside)
 
 
 @pytest.mark.parametrize("full", ["b.gltf", "my buffer.bin", "red.png"])
