@@ -45,13 +45,37 @@ afterEach(() => {
   vi.unstubAllGlobals();
 });
 
-test.each([undefined, new ArrayBuffer(4), new URL("https://a.test/a.umbel")])(
-  "what is neither an address nor a Blob is named as such: %s",
-  async (source) => {
-    const load = UmbelMesh.load(source as unknown as string);
-    await expect(load).rejects.toThrow("`source` must be an address");
-  },
-);
+test.each([
+  undefined,
+  null,
+  7,
+  new ArrayBuffer(4),
+  new Response(""),
+  new URL("https://a.test/a.umbel"),
+])("what is neither an address nor a Blob is named as such: %s", async (source) => {
+  const load = UmbelMesh.load(source as unknown as string);
+  await expect(load).rejects.toThrow("`source` must be an address");
+});
+
+test("an address is relative to the document, or in a worker to its script", async () => {
+  const sources: string[] = [];
+  vi.stubGlobal(
+    "Worker",
+    class {
+      onmessage: ((event: { data: object }) => void) | undefined;
+      postMessage({ source }: { source: string }) {
+        sources.push(source);
+        this.onmessage?.({ data: { type: "failed", kind: "missing", message: "not there" } });
+      }
+      terminate() {}
+    },
+  );
+  vi.stubGlobal("location", { href: "https://a.test/scripts/draw.js" });
+  await expect(UmbelMesh.load("a.umbel")).rejects.toThrow("not there");
+  vi.stubGlobal("document", { baseURI: "https://a.test/page/" });
+  await expect(UmbelMesh.load("a.umbel")).rejects.toThrow("not there");
+  expect(sources).toEqual(["https://a.test/scripts/a.umbel", "https://a.test/page/a.umbel"]);
+});
 
 test("a worker that the browser refuses is an UmbelError", async () => {
   vi.stubGlobal("document", { baseURI: "https://a.test/" });

@@ -38,7 +38,8 @@ export class AssetStream {
   ): Promise<AssetStream> {
     checkNumber("budget", options.budget, true);
     // Not by `instanceof`: other windows have a Blob class of their own.
-    if (typeof source !== "string" && typeof source?.arrayBuffer !== "function")
+    const isBlob = typeof source === "object" && source !== null && "arrayBuffer" in source;
+    if (typeof source !== "string" && !(isBlob && "slice" in source))
       throw new TypeError("`source` must be an address, as a string, or a Blob.");
     const address = typeof source === "string" ? addressOf(source) : undefined;
     const worker = startWorker();
@@ -141,7 +142,8 @@ export class AssetStream {
 
 function addressOf(source: string): string {
   try {
-    return new URL(source, document.baseURI).href;
+    // Workers, which may draw to an OffscreenCanvas, have no document.
+    return new URL(source, globalThis.document?.baseURI ?? globalThis.location?.href).href;
   } catch {
     throw new UmbelError("missing", `${source} is not an address.`);
   }
