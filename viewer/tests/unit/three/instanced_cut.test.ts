@@ -1,13 +1,35 @@
-import { BufferGeometry, Matrix4, MeshBasicMaterial, Object3D } from "three";
+import {
+  Box3,
+  BufferGeometry,
+  Float32BufferAttribute,
+  Matrix4,
+  MeshBasicMaterial,
+  Object3D,
+  Vector3,
+} from "three";
 import { expect, test } from "vitest";
 import type { InstanceRow } from "../../../packages/umbel/src/stream/instance_rows.js";
 import { Batch } from "../../../packages/umbel/src/three/geometry/batch.js";
 import { InstancedCut } from "../../../packages/umbel/src/three/instanced_cut.js";
 import type { Materials } from "../../../packages/umbel/src/three/materials/materials.js";
+import { MeshInstance } from "../../../packages/umbel/src/three/mesh_instance.js";
+
+/** A batch of some vertices, and of room for more. */
+function batch(): Batch {
+  const positions = new Float32BufferAttribute([1, 2, 3, ...Array(90).fill(0)], 3);
+  const geometry = new BufferGeometry().setAttribute("position", positions);
+  return new Batch(geometry, new MeshBasicMaterial());
+}
 
 class Cut extends InstancedCut {
   newBatch(): Batch {
-    return this.add(new Batch(new BufferGeometry(), new MeshBasicMaterial()));
+    return this.add(batch());
+  }
+}
+
+class Single extends MeshInstance {
+  newBatch(): Batch {
+    return this.add(batch());
   }
 }
 
@@ -23,7 +45,7 @@ test.each([
   ["placements", [TURN, TURN.clone().setPosition(4, 5, 6)]],
   ["placements that mirror", [MIRRORED, MIRRORED.clone().setPosition(4, 5, 6)]],
 ])("%s have the right place and side", (_, placements) => {
-  const cut = new Cut(rowOf(placements), 0, new Object3D(), {} as Materials);
+  const cut = new Cut(rowOf(placements), 0, new Object3D(), {} as Materials, new Box3());
   const check = (shown: readonly Matrix4[]) => {
     const batch = cut.newBatch();
     expect(batch.instances?.count).toBe(shown.length);
@@ -45,4 +67,27 @@ test.each([
   const more = [...placements, ...placements, ...placements];
   cut.setRow(rowOf(more));
   check(more);
+});
+
+test.each([false, true])("boxes of three.js contain all placements; precise: %s", (isPrecise) => {
+  const bounds = new Box3(new Vector3(4, 5, 6), new Vector3(7, 9, 11));
+  for (const placements of [[TURN], [MIRRORED]]) {
+    const parent = new Object3D();
+    parent.position.set(100, 0, 0);
+    parent.updateMatrixWorld();
+    new Cut(rowOf(placements), 0, parent, {} as Materials, bounds).newBatch();
+    const box = new Box3().setFromObject(parent, isPrecise);
+    expect(box.min.toArray()).toEqual([104, 5, 6]);
+    expect(box.max.toArray()).toEqual([107, 9, 11]);
+  }
+});
+
+test.each([false, true])("so do those of a single mesh; precise: %s", (isPrecise) => {
+  const bounds = new Box3(new Vector3(4, 5, 6), new Vector3(7, 9, 11));
+  const instance = { mesh: 0, matrix: Float32Array.of(1, 0, 0, 10, 0, 1, 0, 0, 0, 0, 1, 0) };
+  const parent = new Object3D();
+  new Single(instance, 0, parent, {} as Materials, bounds).newBatch();
+  const box = new Box3().setFromObject(parent, isPrecise);
+  expect(box.min.toArray()).toEqual([14, 5, 6]);
+  expect(box.max.toArray()).toEqual([17, 9, 11]);
 });

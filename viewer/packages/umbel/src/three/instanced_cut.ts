@@ -1,6 +1,7 @@
 // Many instances that share a cut: drawn by one call for each range.
 
 import {
+  type Box3,
   type Frustum,
   InstancedBufferAttribute,
   type Material,
@@ -12,6 +13,7 @@ import {
   type Batch,
   type InstanceMatrices,
   type LineBatch,
+  setBounds,
   setInstances,
 } from "./geometry/batch.js";
 import type { ResidentGroup } from "./geometry/resident_groups.js";
@@ -29,8 +31,15 @@ export class InstancedCut extends MeshInstance {
   /** Of the batches: three.js takes from it which side of a triangle is in front. */
   private batchMatrix = IDENTITY;
 
-  constructor(row: InstanceRow, number: number, parent: Object3D, materials: Materials) {
-    super({ mesh: row.mesh, matrix: new Float32Array(12) }, number, parent, materials);
+  /** @param bounds contains all instances, in the parent's space */
+  constructor(
+    row: InstanceRow,
+    number: number,
+    parent: Object3D,
+    materials: Materials,
+    bounds: Box3,
+  ) {
+    super({ mesh: row.mesh, matrix: new Float32Array(12) }, number, parent, materials, bounds);
     this.setRow(row);
   }
 
@@ -77,6 +86,7 @@ export class InstancedCut extends MeshInstance {
 
   protected override add<T extends Batch | LineBatch>(object: T): T {
     setInstances(object, this.instances);
+    setBounds(object, this.bounds.clone().applyMatrix4(this.batchMatrix));
     object.matrix.copy(this.batchMatrix);
     this.parent.add(object);
     object.updateMatrixWorld(true);

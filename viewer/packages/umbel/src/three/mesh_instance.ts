@@ -1,11 +1,11 @@
 // An instance of a mesh in the object: it lists the ranges to draw, by arena and material.
 
-import { type Box3, type Frustum, type Material, Matrix4, type Object3D, Sphere } from "three";
+import { type Box3, type Frustum, type Material, Matrix4, type Object3D } from "three";
 import type { Instance as InstanceRow } from "../format/tables.js";
 import { matrixOf } from "./camera_view.js";
 import { boxOf, type ClusterInfo, clusterInfo } from "./cluster_info.js";
 import type { Arena } from "./geometry/arena.js";
-import { Batch, LineBatch } from "./geometry/batch.js";
+import { Batch, LineBatch, setBounds } from "./geometry/batch.js";
 import type { ResidentGroup } from "./geometry/resident_groups.js";
 import type { Materials } from "./materials/materials.js";
 
@@ -34,7 +34,7 @@ export class MeshInstance {
     protected readonly parent: Object3D,
     private readonly materials: Materials,
     /** Contains the mesh. */
-    private readonly bounds?: Box3,
+    protected readonly bounds: Box3,
   ) {
     this.mesh = mesh;
     this.matrix = matrixOf(matrix);
@@ -182,12 +182,7 @@ export class MeshInstance {
   }
 
   protected add<T extends Batch | LineBatch>(object: T): T {
-    // three.js would take those of the whole arena, with what is free in it.
-    if (this.bounds)
-      Object.assign(object, {
-        boundingBox: this.bounds,
-        boundingSphere: this.bounds.getBoundingSphere(new Sphere()),
-      });
+    setBounds(object, this.bounds);
     object.matrix.copy(this.matrix);
     this.parent.add(object);
     object.updateMatrixWorld(true);

@@ -355,7 +355,8 @@ export class UmbelMesh extends Object3D {
   }
 
   private instanceOf(row: InstanceRow, number: number): MeshInstance {
-    if (row.count > 1 || !row.isOwn) return new InstancedCut(row, number, this, this.materials);
+    if (row.count > 1 || !row.isOwn)
+      return new InstancedCut(row, number, this, this.materials, this.box);
     const instance = new MeshInstance(
       { mesh: row.mesh, matrix: new Float32Array(12) },
       number,

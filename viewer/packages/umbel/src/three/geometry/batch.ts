@@ -4,6 +4,7 @@
 // draws nothing. The ranges are drawn right after, while those are bound.
 
 import {
+  type Box3,
   type BufferAttribute,
   type BufferGeometry,
   type InstancedBufferAttribute,
@@ -12,6 +13,8 @@ import {
   Mesh,
   type MeshBasicMaterial,
   type Object3D,
+  Sphere,
+  type Vector3,
   type WebGLRenderer,
 } from "three";
 
@@ -141,13 +144,33 @@ export function setInstances(object: Batch | LineBatch, instances: InstanceMatri
   });
 }
 
+/**
+ * Sets the box of an object, before its matrix. three.js would take that of the geometry, which holds
+ * other vertices, too.
+ */
+export function setBounds(object: Batch | LineBatch, boundingBox: Box3): void {
+  Object.assign(object, {
+    boundingBox,
+    boundingSphere: boundingBox.getBoundingSphere(new Sphere()),
+  });
+}
+
 export class Batch extends Mesh<BufferGeometry, Material> {
   readonly ranges = new Ranges();
   instances: InstanceMatrices | undefined;
+  boundingBox: Box3 | undefined;
 
   constructor(geometry: BufferGeometry, material: Material) {
     super(geometry, material);
     setUp(this, this.ranges, "TRIANGLES");
+  }
+
+  /** For precise boxes of three.js: corners of the box, not vertices of whatever the geometry holds. */
+  override getVertexPosition(index: number, target: Vector3): Vector3 {
+    if (!this.boundingBox) return super.getVertexPosition(index, target);
+    const { min, max } = this.boundingBox;
+    const at = (bit: number) => (index & bit ? max : min);
+    return target.set(at(1).x, at(2).y, at(4).z);
   }
 }
 
