@@ -49,8 +49,9 @@ io::Column column_of(const std::map<std::string, ColumnArguments>& columns, cons
 
 uint32_t add_part(io::TableLayout& layout, const std::string& name,
                   const std::map<std::string, ColumnArguments>& columns, uint64_t triangles,
-                  std::optional<uint32_t> material, uint32_t default_material, float color_divisor,
-                  bool srgb_colors, const std::optional<std::array<double, 12>>& transform,
+                  std::optional<uint32_t> material, uint32_t default_material,
+                  const std::tuple<float, float>& color_scale, bool srgb_colors,
+                  const std::optional<std::array<double, 12>>& transform,
                   const std::vector<ExtraArguments>& extras,
                   std::vector<uint32_t> material_numbers) {
   io::TablePart part;
@@ -70,7 +71,7 @@ uint32_t add_part(io::TableLayout& layout, const std::string& name,
   part.material = material.value_or(0);
   part.material_numbers = std::move(material_numbers);
   part.default_material = default_material;
-  part.color_divisor = color_divisor;
+  part.color_scale = {std::get<0>(color_scale), std::get<1>(color_scale)};
   part.are_colors_srgb = srgb_colors;
   part.transform = transform;
   layout.has_materials |= material.has_value() || part.materials.is_there();
@@ -222,7 +223,7 @@ Dict add_obj(io::TableLayout& layout, const std::filesystem::path& path, const s
   const bool is_indexed_once = !part.uv_indices.is_there() && !part.normal_indices.is_there();
   const uint64_t rows = tables.layout.tables[part.positions.table].rows;
   out["vertices"] = is_indexed_once ? nb::cast(rows) : nb::none();
-  out["color_divisor"] = part.color_divisor;
+  out["color_scale"] = nb::make_tuple(part.color_scale.color, part.color_scale.alpha);
   out["has_materials"] = tables.has_materials;
   out["misses_material"] = tables.misses_material;
   const auto bytes_of = [](const std::vector<std::string>& texts) {
@@ -352,8 +353,9 @@ void bind_source(nb::module_& module) {
                    "prefix: str | os.PathLike[str]) -> dict[str, typing.Any]"),
            "Writes an OBJ file as tables, and adds those.")
       .def("add_part", &add_part, "name"_a, "columns"_a, "triangles"_a = 0,
-           "material"_a = nb::none(), "default_material"_a = kNone, "color_divisor"_a = 1.0f,
-           "srgb_colors"_a = false, "transform"_a = nb::none(), "extras"_a = nb::make_tuple(),
+           "material"_a = nb::none(), "default_material"_a = kNone,
+           "color_scale"_a = nb::make_tuple(1.0f, 1.0f), "srgb_colors"_a = false,
+           "transform"_a = nb::none(), "extras"_a = nb::make_tuple(),
            "material_numbers"_a = nb::make_tuple());
   nb::class_<io::TableSource, io::TriangleSource>(module, "TableSource")
       .def(nb::init<io::TableLayout>(), "layout"_a)

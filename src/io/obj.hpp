@@ -21,7 +21,7 @@ namespace umbel::io {
 /// of their three numbers.
 struct ObjMesh {
   std::vector<std::array<double, 3>> positions;
-  std::vector<Vec4> colors;              ///< as written; white where a vertex has none
+  std::vector<Vec4> colors;              ///< fractions, in sRGB; white where a vertex has none
   std::vector<Vec2> uvs;                 ///< zero where a corner has none
   std::vector<Vec3> normals;             ///< as written; zero where a corner has none
   std::vector<uint32_t> without_normal;  ///< the vertices whose corners have none, ascending

@@ -143,11 +143,12 @@ class Parser {
     const size_t n = numbers("v", 3, 7);
     if (n == 0) return;
     if ((n == 4 && numbers_[3] != 1) || n == 5 || n > 7) count(block_.numbers, "v");
-    if (n >= 6 && block_.colors.empty()) block_.colors.assign(4 * block_.vertices(), 1.0f);
+    if (n >= 6 && block_.colors.empty()) block_.colors.assign(4 * block_.vertices(), kNoColor);
     block_.positions.insert(block_.positions.end(), numbers_.begin(), numbers_.begin() + 3);
     if (n < 6 && block_.colors.empty()) return;
-    for (size_t k = 3; k < 6; ++k) block_.colors.push_back(n < 6 ? 1 : to_float(numbers_[k]));
-    block_.colors.push_back(n == 7 ? to_float(numbers_[6]) : 1);
+    for (size_t k = 3; k < 6; ++k)
+      block_.colors.push_back(n < 6 ? kNoColor : to_float(numbers_[k]));
+    block_.colors.push_back(n == 7 ? to_float(numbers_[6]) : kNoColor);
   }
 
   void uv() {

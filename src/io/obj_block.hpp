@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "io/color_scale.hpp"
 #include "io/text_blocks.hpp"
 
 namespace umbel::io {
@@ -34,7 +35,7 @@ struct ObjBlock {
   uint64_t lines = 0;
 
   std::vector<double> positions;  ///< 3 a vertex
-  std::vector<float> colors;      ///< 4 a vertex; empty: none of the block has a colour
+  std::vector<float> colors;      ///< 4 a vertex, kNoColor if not given; empty: in all the block
   std::vector<float> uvs;         ///< 2 each
   std::vector<float> normals;     ///< 3 each
 

@@ -102,11 +102,22 @@ class Joiner {
     return all;
   }
 
+  void scale_colors() {
+    ColorScaleFinder finder;
+    for (const ObjBlock& block : blocks_) finder.add(block.colors);
+    const ColorScale scale = finder.scale();
+    for_each_block([&](ObjBlock& block, const ObjOffsets&) {
+      for (size_t k = 0; k < block.colors.size(); ++k)
+        block.colors[k] = fraction_of(block.colors[k], k % 4 == 3 ? scale.alpha : scale.color);
+    });
+  }
+
   void gather_tables() {
     if (any_block([](const ObjBlock& b) { return !b.colors.empty(); })) {
       for_each_block([](ObjBlock& block, const ObjOffsets&) {
-        if (block.colors.empty()) block.colors.assign(4 * block.vertices(), 1.0f);
+        if (block.colors.empty()) block.colors.assign(4 * block.vertices(), kNoColor);
       });
+      scale_colors();
       mesh_.colors = rows<Vec4>(&ObjBlock::colors, &ObjCounts::v);
     }
     mesh_.positions = rows<std::array<double, 3>>(&ObjBlock::positions, &ObjCounts::v);

@@ -16,9 +16,6 @@
 namespace umbel::io {
 namespace {
 
-/// Colours with a larger number are bytes (MOST_BRIGHT in python/umbel/io/colors.py).
-constexpr float kMostBright = 2.0f;
-
 /// Rows of 32-bit words, or of 64-bit ones, in a file that is made with the first of them.
 class RowFile {
  public:
@@ -143,7 +140,7 @@ class Writer final : public ObjSink {
       part.materials.offsets = {12};
     }
     layout.has_materials = !names.empty();
-    part.color_divisor = largest_color_ > kMostBright ? 255.0f : 1.0f;
+    part.color_scale = color_scale_.scale();
     part.are_colors_srgb = true;
     layout.parts.push_back(std::move(part));
     return layout;
@@ -167,12 +164,10 @@ class Writer final : public ObjSink {
     for (double value : block.positions) positions_.add(value);
     for (float value : block.uvs) uvs_.add(value);
     for (float value : block.normals) normals_.add(value);
-    if (!block.colors.empty() && colors_.words() == 0) colors_.fill(4 * vertices_before, 1.0f);
-    for (size_t k = 0; k < block.colors.size(); ++k) {
-      colors_.add(block.colors[k]);
-      if (k % 4 != 3) largest_color_ = std::max(largest_color_, block.colors[k]);
-    }
-    if (block.colors.empty() && colors_.words() > 0) colors_.fill(4 * block.vertices(), 1.0f);
+    if (!block.colors.empty() && colors_.words() == 0) colors_.fill(4 * vertices_before, kNoColor);
+    for (float value : block.colors) colors_.add(value);
+    color_scale_.add(block.colors);
+    if (block.colors.empty() && colors_.words() > 0) colors_.fill(4 * block.vertices(), kNoColor);
   }
 
   void take_faces(const ObjBlock& block) {
@@ -233,7 +228,7 @@ class Writer final : public ObjSink {
   std::vector<Largest> largest_;
   std::unordered_map<std::string, uint32_t> numbers_;
   uint32_t material_ = kNone;
-  float largest_color_ = 0;
+  ColorScaleFinder color_scale_;
 };
 
 }  // namespace

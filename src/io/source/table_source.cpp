@@ -234,11 +234,12 @@ class PartReader {
     if (!streams_.colors) return;
     const bool has_alpha = part_.colors.offsets.size() == 4;
     const auto linear = [&](float value) {
-      const float color = value / part_.color_divisor;
+      const float color = fraction_of(value, part_.color_scale.color);
       return part_.are_colors_srgb ? from_srgb(color) : color;
     };
     add_stream(part_.colors, vertices_, block, block.colors, Vec4{1, 1, 1, 1}, [&](const float* p) {
-      return Vec4{linear(p[0]), linear(p[1]), linear(p[2]), has_alpha ? p[3] : 1.0f};
+      const float alpha = has_alpha ? fraction_of(p[3], part_.color_scale.alpha) : 1.0f;
+      return Vec4{linear(p[0]), linear(p[1]), linear(p[2]), alpha};
     });
   }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "io/color_scale.hpp"
 #include "io/source/column.hpp"
 #include "io/source/triangle_source.hpp"
 
@@ -33,7 +34,7 @@ struct TablePart {
   uint32_t material = 0;                   ///< of all triangles, where there are no `materials`
   std::vector<uint32_t> material_numbers;  ///< of values in `materials`; beyond: the value
   uint32_t default_material = kNone;       ///< of rows of `materials` that are kNone
-  float color_divisor = 1.0f;              ///< of all values but alpha
+  ColorScale color_scale;                  ///< with kNoColor for what is not there
   bool are_colors_srgb = false;            ///< else linear; alpha is
   /// Three rows of four: where the part's vertices are in the world.
   std::optional<std::array<double, 12>> transform;

@@ -30,7 +30,7 @@ class _Part:
     columns: dict[str, Column]
     triangles: int
     material: int | None
-    color_divisor: float
+    color_scale: tuple[float, float]  # what colours and alphas are divided by
     srgb_colors: bool
     transform: list[float] | None
     may_miss: bool  # the column of materials has rows without one
@@ -78,7 +78,7 @@ class Layout:
         columns: dict[str, Column],
         triangles: int = 0,
         material: int | None = None,
-        color_divisor: float = 1.0,
+        color_scale: tuple[float, float] = (1.0, 1.0),
         srgb_colors: bool = False,
         transform: np.ndarray[Any, Any] | None = None,
         may_miss: bool = False,
@@ -103,7 +103,7 @@ class Layout:
                 columns,
                 triangles,
                 material,
-                color_divisor,
+                color_scale,
                 srgb_colors,
                 rows,
                 may_miss,
@@ -136,7 +136,7 @@ class Layout:
             if material is None or material == NO_MATERIAL:
                 material = default if self.materials else None
             what = (part.name, part.columns, part.triangles, material, default)
-            colors = (part.color_divisor, part.srgb_colors)
+            colors = (part.color_scale, part.srgb_colors)
             rest = (*colors, part.transform, part.extras, part.numbers or [])
             self._note("parts", [*what, *rest])
             self.native.add_part(*what, *rest)

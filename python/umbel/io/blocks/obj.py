@@ -30,7 +30,7 @@ def lay_out(layout: Layout, path: Path) -> bool:
         where,
         found["columns"],
         found["triangles"],
-        color_divisor=found["color_divisor"],
+        color_scale=found["color_scale"],
         srgb_colors=True,
         may_miss=found["misses_material"],
         vertices=found["vertices"],

@@ -8,12 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from umbel import _umbel
 from umbel.errors import Error, LoadWarning
 from umbel.geometry.mesh import Float32Array, Material, Mesh, area_weighted_normals, unit_normals
-from umbel.io.colors import MOST_BRIGHT, to_linear
+from umbel.io.colors import to_linear
 from umbel.io.files import text_of
 from umbel.io.folder import Folder
 from umbel.io.obj.mtl import as_name, read_mtl, shown_name, words_of
@@ -53,11 +51,8 @@ def _text(raw: bytes) -> str:
 
 
 def _colors(colors: Float32Array | None) -> Float32Array | None:
-    if colors is None:
-        return None
-    if np.nanmax(colors[:, :3], initial=0.0) > MOST_BRIGHT:
-        colors[:, :3] /= np.float32(255.0)
-    colors[:, :3] = to_linear(colors[:, :3])
+    if colors is not None:
+        colors[:, :3] = to_linear(colors[:, :3])
     return colors
 
 

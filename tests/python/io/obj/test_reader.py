@@ -132,6 +132,27 @@ def test_colours_a_little_above_one_are_no_bytes(tmp_path: Path) -> None:
     assert np.allclose(mesh.colors[0], [*linear([1, 0.2, 0]), 1])
 
 
+@pytest.mark.parametrize(
+    ("colors", "expected"),
+    [
+        (["255 51 0 255", "0 0 255 51", "0 0 0 0"], [[1, 0.2, 0, 1], [0, 0, 1, 0.2], [0] * 4]),
+        (["255 51 0 51", "0 0 255", ""], [[1, 0.2, 0, 0.2], [0, 0, 1, 1], [1] * 4]),
+        (["1 0.2 0 0.5", "", "0 0 1"], [[1, 0.2, 0, 0.5], [1] * 4, [0, 0, 1, 1]]),
+    ],
+)
+def test_bytes_have_alpha_in_bytes_and_what_has_no_colour_is_white(
+    tmp_path: Path, colors: list[str], expected: list[list[float]]
+) -> None:
+    text = "".join(f"v {k} {k * k} 0 {color}\n" for k, color in enumerate(colors))
+    wanted = np.array(expected, np.float32)
+    wanted[:, :3] = linear(wanted[:, :3])
+    mesh = read(tmp_path, text + "f 1 2 3\n")
+    assert np.allclose(mesh.colors, wanted, atol=1e-6)
+    native = open_source(tmp_path / "mesh.obj", tmp_path / "work").triangles
+    block = native.read(0, native.triangles)
+    assert np.allclose(block["colors"][block["triangles"][0]], wanted, atol=1e-6)
+
+
 def test_corners_without_a_normal_get_one(tmp_path: Path) -> None:
     mesh = read(tmp_path, SQUARE + "vn 1 0 0\nf 1//1 2//1 3//1\nf 1 3 4\n")
     assert mesh.normals[mesh.triangles[0]].tolist() == [[1, 0, 0]] * 3
