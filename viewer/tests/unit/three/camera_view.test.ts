@@ -1,5 +1,6 @@
 import { Camera, Matrix4, OrthographicCamera, PerspectiveCamera, Vector3 } from "three";
 import { describe, expect, test } from "vitest";
+import { mustRefine } from "../../../packages/umbel/src/select/select.js";
 import {
   isSamePose,
   pixelsPerUnit,
@@ -50,6 +51,22 @@ test("a part of a picture is as fine as the whole", () => {
     });
     expect(pixelsPerUnit(camera, world, 300)(2) / pixels).toBeCloseTo(1, 6);
   }
+});
+
+test.each([
+  ["perspective", new PerspectiveCamera(60, 1, 0.1, 10)],
+  ["orthographic", new OrthographicCamera(-1, 1, 1, -1, 0.1, 10)],
+])("outside of the picture of a %s camera more error is allowed", (_, camera) => {
+  camera.position.z = 2;
+  camera.updateMatrixWorld();
+  const view = viewOf({ camera, height: 100, pixelError: 1, offscreen: 4 }, new Matrix4());
+  if (view.kind === "level") throw new Error("a camera selects no level");
+  // At the centre of the picture, and as far away to its right.
+  const side = Math.sqrt(12);
+  const spheres = Float32Array.of(0, 0, -2, 0.1, side, 0, 0, 0.1);
+  const allowed = view.kind === "error" ? view.error : view.threshold * 3.9;
+  expect([0, 1].map((i) => mustRefine(spheres, i, 1.01 * allowed, 0, view))).toEqual([true, false]);
+  expect([0, 1].map((i) => mustRefine(spheres, i, 4.01 * allowed, 0, view))).toEqual([true, true]);
 });
 
 test("a camera that has a matrix only is as good as any", () => {

@@ -1,10 +1,7 @@
 // Selects a cut: which groups a view refines, and which clusters it culls. The arithmetic is that of
 // docs/selection.md in binary32, equal to the library's to the last bit.
 
-export interface CameraView {
-  kind: "camera";
-  eye: readonly [number, number, number];
-  threshold: number;
+interface ViewVolume {
   /**
    * Planes (x, y, z, w) of the view volume: inside is x px + y py + z pz + w >= 0. Groups outside
    * may have `offscreen` times the error.
@@ -13,7 +10,18 @@ export interface CameraView {
   offscreen?: number;
 }
 
-export type View = { kind: "error"; error: number } | CameraView | { kind: "level"; level: number };
+export interface CameraView extends ViewVolume {
+  kind: "camera";
+  eye: readonly [number, number, number];
+  threshold: number;
+}
+
+export interface ErrorView extends ViewVolume {
+  kind: "error";
+  error: number;
+}
+
+export type View = ErrorView | CameraView | { kind: "level"; level: number };
 
 /** Spheres, four floats each: centre and radius. */
 export type Spheres = Float32Array;
@@ -70,10 +78,15 @@ export function mustRefine(
 ): boolean {
   if (error === Infinity) return true;
   if (view.kind === "level") return level >= view.level;
-  if (view.kind === "error") return error > f(view.error);
+  const factor = factorOf(spheres, i, view);
+  if (view.kind === "error") return error > f(view.error * factor);
+  return error > f(f(view.threshold * factor) * distanceOutside(spheres, i, view.eye));
+}
+
+/** The factor on the error that a view allows at sphere `i`. */
+export function factorOf(spheres: Spheres, i: number, view: CameraView | ErrorView): number {
   const isHidden = view.planes !== undefined && isSphereOutside(view.planes, spheres, i);
-  const threshold = isHidden ? view.threshold * (view.offscreen ?? 1) : view.threshold;
-  return error > f(f(threshold) * distanceOutside(spheres, i, view.eye));
+  return isHidden ? (view.offscreen ?? 1) : 1;
 }
 
 function side(planes: ArrayLike<number>, p: number, x: number, y: number, z: number): number {

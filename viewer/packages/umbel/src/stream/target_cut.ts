@@ -3,7 +3,7 @@
 
 import type { GroupDag } from "../select/group_dag.js";
 import { isDrawn } from "../select/refinement.js";
-import { distanceOutside, isSphereOutside, type View } from "../select/select.js";
+import { distanceOutside, factorOf, type View } from "../select/select.js";
 import type { PageCache } from "./page_cache.js";
 import { PriorityQueue } from "./priority_queue.js";
 
@@ -63,13 +63,12 @@ export function targetCut(dag: GroupDag, views: readonly MeshView[]): TargetCut 
 export function priorityOf(dag: GroupDag, group: number, view: View): number {
   const { spheres } = dag;
   const error = Math.min(dag.error[group], 3e38);
-  if (view.kind === "error") return error / Math.max(view.error, 1e-38);
   if (view.kind === "level") return error;
+  const factor = factorOf(spheres, group, view);
+  if (view.kind === "error") return error / Math.max(view.error * factor, 1e-38);
   // Inside a sphere the distance is 0; there the groups with more error come first.
   const minDistance = NEAREST * spheres[4 * group + 3];
   const distance = Math.max(distanceOutside(spheres, group, view.eye), minDistance);
-  const isHidden = view.planes !== undefined && isSphereOutside(view.planes, spheres, group);
-  const factor = isHidden ? (view.offscreen ?? 1) : 1;
   return error / Math.max(view.threshold * factor * distance, 1e-38);
 }
 

@@ -31,8 +31,14 @@ export function viewOf(
   world: Matrix4,
 ): View {
   const [low, high] = scalesOf(world);
-  if (isOrthographic(camera))
-    return { kind: "error", error: (pixelError * heightOf(camera)) / (height * high) };
+  const sides = frustumOf(camera, world).planes.slice(0, 4);
+  const planes = Float32Array.from(
+    sides.flatMap(({ normal, constant }) => [normal.x, normal.y, normal.z, constant]),
+  );
+  if (isOrthographic(camera)) {
+    const error = (pixelError * heightOf(camera)) / (height * high);
+    return { kind: "error", error, planes, offscreen };
+  }
   const eye = cameraPosition(camera, world);
   // Errors grow at most with the longest axis; distances grow at least with the shortest.
   const view = cameraView(
@@ -41,12 +47,7 @@ export function viewOf(
     height,
     (pixelError * low) / high,
   );
-  const sides = frustumOf(camera, world).planes.slice(0, 4);
-  view.planes = Float32Array.from(
-    sides.flatMap(({ normal, constant }) => [normal.x, normal.y, normal.z, constant]),
-  );
-  view.offscreen = offscreen;
-  return view;
+  return { ...view, planes, offscreen };
 }
 
 /** Factor on the width and the height of a scene's view, for what a turn of the camera brings. */
