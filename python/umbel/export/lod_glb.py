@@ -157,22 +157,22 @@ def _file(
     surfaces = [surface for level in levels for surface in level.surfaces()]
     if any(surface.materials is not None for surface in surfaces):
         table.write()
-    if lost:
-        warn_lost(f"{name} has not all textures", list(dict.fromkeys(lost)))
     title = source_name(source.asset)
     meshes: list[Json] = []
     nodes: list[Json] = [{} for _ in levels]
     for k, level in enumerate(levels):
-        name, first = f"{title} {k}", len(meshes)
+        called, first = f"{title} {k}", len(meshes)
         for surface in level.surfaces():
-            meshes.append({"name": name, "primitives": arrays.mesh(surface, table.number)})
+            meshes.append({"name": called, "primitives": arrays.mesh(surface, table.number)})
         own = [] if level.surface is None else [grid_node(corner, step, mesh=first)]
         own += [r.node(arrays, first + len(own) + j, corner) for j, r in enumerate(level.repeats)]
         if level.repeats:
-            nodes[k] = {"name": name, "children": [len(nodes) + j for j in range(len(own))]}
+            nodes[k] = {"name": called, "children": [len(nodes) + j for j in range(len(own))]}
             nodes += own
         else:
-            nodes[k] = {**own[0], "name": name}
+            nodes[k] = {**own[0], "name": called}
+    if lost:
+        warn_lost(f"{name} has not all textures", list(dict.fromkeys(lost)))
     if len(levels) > 1:
         nodes[0]["extensions"] = {"MSFT_lod": {"ids": list(range(1, len(levels)))}}
         nodes[0]["extras"] = {"MSFT_screencoverage": coverages}

@@ -23,7 +23,7 @@ from umbel.export.source import Y_TO_Z, Source, copyright_of, material_list
 from umbel.export.tileset import implicit_error, subtrees, tileset
 from umbel.geometry.arrays import thread_count, whole
 from umbel.geometry.repair import Progress
-from umbel.io.gltf.material_table import MaterialTable
+from umbel.io.gltf.material_table import FEWER, MaterialTable
 from umbel.io.textures.images import TextureImage
 from umbel.io.textures.packed import Made, packed
 from umbel.lod.asset import Asset
@@ -97,7 +97,7 @@ def export_tiles(
             whole_folder.rename(place)
     except OSError as error:
         raise Error(f"cannot write {target}: {error.strerror or error}") from None
-    lost = writer.source.losses(target)
+    lost = [*writer.source.losses(target), *writer.lost]
     if lost:
         warn_lost(f"{target} was written without", lost, most=8)
     return report
@@ -120,6 +120,7 @@ class _Writer:
         self.asset = copyright_of(source.asset)
         self.files = self.bytes = 0
         self.images: dict[bytes, str] = {}
+        self.lost: set[str] = set()  # that only tiles tell
         self.materials = self._shared_materials()
 
     def write(
@@ -281,6 +282,7 @@ class _Writer:
             {"primitives": arrays.mesh(one, lambda k, sets: table.number(numbers[k], sets))}
             for one in surfaces
         ]
+        self.lost.update({FEWER}.intersection(lost))
         nodes = [grid_node(origin, step, mesh=k) for k, (_, origin) in enumerate(grids)]
         nodes += [r.node(arrays, len(nodes) + k, corner) for k, r in enumerate(repeats)]
         scene = {

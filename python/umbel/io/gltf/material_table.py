@@ -15,13 +15,17 @@ from umbel.io.gltf.textures import TextureTable
 from umbel.io.textures.images import TextureImage, decode, mime_type
 from umbel.io.textures.packed import Made, packed
 
+#: What is lost where a mesh has not as many texture coordinates as its material names.
+FEWER = "textures of meshes that lack their texture coordinates"
+
 
 class MaterialTable:
     """The file's materials: all that are given in their order, and after them those that had to
     lose a texture because a mesh lacks its UVs.
 
     keep: takes an image's bytes and MIME type, and gives the JSON that says where they are.
-    lost: gets a sentence for each image that cannot be read, and one for factors that glTF forbids.
+    lost: gets a sentence for each image that cannot be read, and one each for factors that glTF
+        forbids and for textures that meshes cannot have.
     """
 
     def __init__(
@@ -51,6 +55,7 @@ class MaterialTable:
                 made = self.table.info(slot, given, image)
                 return made if made is not None and texture_sets({slot: made}) <= sets else None
 
+            self.lost += [FEWER] if FEWER not in self.lost else []
             self._fewer[key] = len(self.entries)
             self.entries.append(write_material(self.materials[index], info))
         return self._fewer[key]

@@ -366,6 +366,26 @@ def test_a_lightmap_keeps_its_image(tmp_path: Path) -> None:
     assert (len(root["textures"]), len(root["images"])) == (1, 1)
 
 
+def test_textures_of_meshes_without_uvs_are_lost_with_a_warning(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    png = io.BytesIO()
+    Image.new("RGB", (4, 4)).save(png, "PNG")
+    b.root["images"] = [{"bufferView": b.view(png.getvalue()), "mimeType": "image/png"}]
+    b.root["textures"] = [{"source": 0}]
+    b.root["materials"] = [{"name": "a", "normalTexture": {"index": 0}}]
+    b.scene(b.node(mesh=b.mesh(b.primitive({"POSITION": TETRA_POSITIONS}, INDICES, material=0))))
+    mesh = umbel.load(saved(tmp_path, b))
+    umbel.build_lod(mesh).save(tmp_path / "a.umbel")
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    says = "textures of meshes that lack their texture coordinates$"
+    with pytest.warns(umbel.LoadWarning, match=f"out.glb was written without: {says}"):
+        umbel.save(tmp_path / "out.glb", mesh)
+    with pytest.warns(umbel.LoadWarning, match=f"lod.glb has not all textures: {says}"):
+        umbel.export_glb(asset, tmp_path / "lod.glb")
+    with pytest.warns(umbel.LoadWarning, match=f"tiles was written without: {says}"):
+        umbel.export_tiles(asset, tmp_path / "tiles")
+
+
 def test_packets_of_materials_need_those_of_the_file(tmp_path: Path) -> None:
     b = GltfBuilder()
     packet = {"KHR_xmp_json_ld": {"packet": 0}}
