@@ -1,10 +1,11 @@
 import { Camera, Matrix4, OrthographicCamera, PerspectiveCamera, Vector3 } from "three";
 import { describe, expect, test } from "vitest";
-import { mustRefine } from "../../../packages/umbel/src/select/select.js";
+import { isSphereOutside, mustRefine } from "../../../packages/umbel/src/select/select.js";
 import {
   isSamePose,
   pixelsPerUnit,
   poseOf,
+  sceneViewOf,
   viewOf,
 } from "../../../packages/umbel/src/three/camera_view.js";
 import { Random } from "../../support/random.js";
@@ -67,6 +68,32 @@ test.each([
   const allowed = view.kind === "error" ? view.error : view.threshold * 3.9;
   expect([0, 1].map((i) => mustRefine(spheres, i, 1.01 * allowed, 0, view))).toEqual([true, false]);
   expect([0, 1].map((i) => mustRefine(spheres, i, 4.01 * allowed, 0, view))).toEqual([true, true]);
+});
+
+test.each([
+  ["perspective", new PerspectiveCamera(60, 1, 0.1, 10)],
+  ["orthographic", new OrthographicCamera(7, 9, 1, -1, 0.1, 10)],
+])("a scene's view by a %s camera is a quarter wider than any part of a picture", (_, camera) => {
+  camera.position.set(1, 2, 3);
+  for (const [x, y] of [
+    [450, 450],
+    [0, 0],
+    [900, 0],
+  ] as const) {
+    camera.setViewOffset(1000, 1000, x, y, 100, 100);
+    camera.updateMatrixWorld();
+    const settings = { camera, height: 100, pixelError: 1, offscreen: 4 };
+    const { planes } = sceneViewOf(settings, new Matrix4());
+    const isInside = (scale: number, depth: number) =>
+      [-scale, scale].map((side) => {
+        const corner = new Vector3(side, side, depth).unproject(camera);
+        return !isSphereOutside(planes, Float32Array.of(...corner.toArray(), 0), 0);
+      });
+    for (const depth of [-0.9, 0.9]) {
+      expect(isInside(1.24, depth)).toEqual([true, true]);
+      expect(isInside(1.26, depth)).toEqual([false, false]);
+    }
+  }
 });
 
 test("a camera that has a matrix only is as good as any", () => {

@@ -56,10 +56,12 @@ const SCENE_MARGIN = 1.25;
 /** The view of a camera for a tree of instances, in the object's coordinates. */
 export function sceneViewOf(settings: CameraSettings, world: Matrix4): SceneView {
   const { camera } = settings;
-  const wide = camera.projectionMatrix.clone();
-  wide.elements[0] /= SCENE_MARGIN;
-  wide.elements[5] /= SCENE_MARGIN;
-  const matrix = wide.multiply(camera.matrixWorldInverse).multiply(world);
+  // About the middle of the picture, which the camera need not look at.
+  const wide = new Matrix4().makeScale(1 / SCENE_MARGIN, 1 / SCENE_MARGIN, 1);
+  const matrix = wide
+    .multiply(camera.projectionMatrix)
+    .multiply(camera.matrixWorldInverse)
+    .multiply(world);
   const sides = new Frustum().setFromProjectionMatrix(matrix).planes.slice(0, 4);
   const planes = Float32Array.from(
     sides.flatMap(({ normal, constant }) => [normal.x, normal.y, normal.z, constant]),
