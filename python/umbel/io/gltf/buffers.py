@@ -43,8 +43,10 @@ def parse_container(data: bytes, where: str) -> tuple[Json, bytes | None]:
 
 
 def parse_json(text: bytes, where: str) -> Json:
-    """The object that a file's JSON is. Warns of names that an object has more than once."""
+    """The object that a file's JSON is. Warns of names that an object has more than once, and of
+    NaN and infinities, which some writers take for JSON."""
     repeated: dict[str, None] = {}
+    no_numbers: dict[str, None] = {}
 
     def unique(pairs: list[tuple[str, Any]]) -> Json:
         out = dict(pairs)
@@ -54,9 +56,14 @@ def parse_json(text: bytes, where: str) -> Json:
             repeated.update(dict.fromkeys(found))
         return out
 
+    def no_number(word: str) -> float:
+        no_numbers[word] = None
+        return float(word)
+
     try:
         # Some writers pad a chunk with zeros.
-        root = json.loads(text.rstrip(b"\0").decode("utf-8-sig"), object_pairs_hook=unique)
+        plain = text.rstrip(b"\0").decode("utf-8-sig")
+        root = json.loads(plain, object_pairs_hook=unique, parse_constant=no_number)
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise Error(f"{where}: its JSON is corrupt: {error}") from None
     if not isinstance(root, dict):
@@ -65,6 +72,11 @@ def parse_json(text: bytes, where: str) -> Json:
         more = f" and {len(repeated) - _SHOWN} more" if len(repeated) > _SHOWN else ""
         shown = ", ".join(list(repeated)[:_SHOWN])
         _warn(f"{where}: all but the last of {shown}{more}, which objects of its JSON have twice")
+    if no_numbers:
+        sentence = (
+            f"{where}: {', '.join(no_numbers)}, which JSON does not have, become null in files"
+        )
+        warnings.warn(sentence, LoadWarning, stacklevel=2)
     return root
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import umbel
 from helpers.gltf_builder import INDICES, GltfBuilder, one, read
 from helpers.mesh_files import TETRA_POSITIONS
 from umbel.errors import LoadWarning
@@ -92,6 +93,18 @@ def test_nodes_that_the_scene_does_not_have(tmp_path: Path) -> None:
     assert lost(tmp_path, b) == "3 nodes that the scene does not have"
     with pytest.warns(LoadWarning, match="3 nodes that the scene does not have"):
         open_source(tmp_path / "mesh.glb", tmp_path)
+
+
+def test_numbers_that_json_does_not_have(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.scene(b.node(mesh=b.tetra(), extras={"a": float("nan"), "b": [-float("inf"), 1]}))
+    with pytest.warns(LoadWarning, match="NaN, -Infinity, which JSON does not have, become null"):
+        mesh = read(tmp_path, b)
+    umbel.save(tmp_path / "out.glb", mesh)
+    assert load_scene(tmp_path / "out.glb").tree["nodes"][0]["extras"] == {
+        "a": None,
+        "b": [None, 1],
+    }
 
 
 def test_names_that_an_object_has_twice(tmp_path: Path) -> None:
