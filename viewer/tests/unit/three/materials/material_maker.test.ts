@@ -96,6 +96,19 @@ describe("materials", () => {
     }
   });
 
+  test("have specular and glossiness where they have no metal and roughness", () => {
+    const glossiness = { diffuseFactor: [0.5, 0, 0, 1], glossinessFactor: 0.75 };
+    const extensions = { KHR_materials_pbrSpecularGlossiness: glossiness };
+    const alone = make({ extensions });
+    expect(alone.notes.length).toBe(1);
+    expect(alone.material).toMatchObject({ metalness: 0, roughness: 0.25 });
+    expect(alone.material.color.toArray()).toEqual([0.5, 0, 0]);
+    const pbrMetallicRoughness = { metallicFactor: 0.875, roughnessFactor: 0.5 };
+    const both = make({ pbrMetallicRoughness, extensions }).material;
+    expect(both).toMatchObject({ metalness: 0.875, roughness: 0.5 });
+    expect(both.color.toArray()).toEqual([1, 1, 1]);
+  });
+
   test("report extensions that are not shown", () => {
     const { notes } = make({ extensions: { KHR_materials_unheard_of: {} } });
     expect(notes).toEqual(["Materials are shown without KHR_materials_unheard_of."]);

@@ -79,6 +79,16 @@ export function plainMaterial(layout: VertexLayout): AnyMaterial {
   });
 }
 
+/**
+ * Specular and glossiness of a material that has no metal and roughness. Where it has both they look
+ * alike, and metal and roughness need no conversion.
+ */
+export function glossinessOf(gltf: Json): Json | undefined {
+  if (Object.keys(jsonOf(gltf.pbrMetallicRoughness)).length > 0) return undefined;
+  const glossiness = jsonOf(gltf.extensions)[GLOSSINESS];
+  return isJson(glossiness) ? glossiness : undefined;
+}
+
 /** @param note is called with a sentence for each property that is not shown */
 export function makeMaterial(
   gltf: Json,
@@ -95,10 +105,10 @@ export function makeMaterial(
   const material = Object.keys(extensions).some((name) => name in PHYSICAL)
     ? new MeshPhysicalMaterial()
     : new MeshStandardMaterial();
-  const pbr = jsonOf(gltf.pbrMetallicRoughness);
+  const glossiness = glossinessOf(gltf);
   material.setValues({
     ...shared,
-    ...(GLOSSINESS in extensions ? glossy(jsonOf(extensions[GLOSSINESS])) : metallic(pbr)),
+    ...(glossiness ? glossy(glossiness) : metallic(jsonOf(gltf.pbrMetallicRoughness))),
     flatShading: !layout.normals,
     emissive: colorOf(gltf.emissiveFactor, [0, 0, 0]),
     emissiveIntensity: numberOf(jsonOf(extensions[STRENGTH]).emissiveStrength, 1),
@@ -124,7 +134,7 @@ export function sideOf(gltf: Json): Side {
 /** The properties of materials of all kinds. */
 function sharedOf(gltf: Json, { colors }: VertexLayout) {
   const pbr = jsonOf(gltf.pbrMetallicRoughness);
-  const glossiness = jsonOf(jsonOf(gltf.extensions)[GLOSSINESS]);
+  const glossiness = glossinessOf(gltf) ?? {};
   const [r, g, b, a] = numbersOf(pbr.baseColorFactor ?? glossiness.diffuseFactor, [1, 1, 1, 1]);
   // A blended material that is nowhere transparent is drawn as an opaque one.
   const mayBeTransparent = (a as number) < 1 || isJson(pbr.baseColorTexture) || colors;

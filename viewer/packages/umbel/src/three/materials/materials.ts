@@ -6,7 +6,7 @@ import type { AssetStream } from "../../worker/asset_stream.js";
 import type { VertexLayout } from "../geometry/arena.js";
 import { channelOf } from "../textures/sampler.js";
 import { Textures } from "../textures/textures.js";
-import { makeMaterial, plainMaterial, sideOf, UNLIT } from "./material_maker.js";
+import { glossinessOf, makeMaterial, plainMaterial, sideOf, UNLIT } from "./material_maker.js";
 import { BASE_COLOR, PHYSICAL, type Slot, STANDARD, textureInfo } from "./material_slots.js";
 
 const GLOSSY: Slot = {
@@ -85,7 +85,8 @@ export class Materials {
   private make(index: number, gltf: Json, layout: VertexLayout): Material {
     const material = makeMaterial(gltf, layout, (text) => this.note(text));
     const isUnlit = UNLIT in jsonOf(gltf.extensions);
-    for (const slot of isUnlit ? [BASE_COLOR] : [...STANDARD, ...PHYSICAL, GLOSSY]) {
+    const base = glossinessOf(gltf) ? [GLOSSY] : [];
+    for (const slot of isUnlit ? [BASE_COLOR] : [...STANDARD, ...PHYSICAL, ...base]) {
       const info = textureInfo(gltf, slot);
       if (info) this.addTexture(index, material, slot, info, layout);
     }
