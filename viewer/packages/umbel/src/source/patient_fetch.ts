@@ -47,10 +47,10 @@ export async function patientFetch(
   }
 }
 
-/** Reads a file as a whole. */
-export async function readWhole(url: string, options: FetchOptions = {}): Promise<Uint8Array> {
+/** Reads a file as a whole, unless `signal` aborts that. */
+export async function readWhole(url: string, signal: AbortSignal): Promise<Uint8Array> {
   try {
-    const response = await patientFetch(url, {}, options);
+    const response = await patientFetch(url, { signal });
     if (!response.ok) throw statusError(response.status, url);
     return new Uint8Array(await response.arrayBuffer());
   } catch (error) {

@@ -243,6 +243,7 @@ export class UmbelMesh extends Object3D {
     this.residents.dispose();
     this.materials.dispose();
     this.tint.dispose();
+    this.texelDemand.dispose();
     this.updates.clear();
   }
 

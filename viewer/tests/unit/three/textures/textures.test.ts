@@ -84,3 +84,27 @@ test("a texture is as large as its own set of texture coordinates asks for", asy
   await vi.waitFor(() => expect(textures.statistics.missing).toBe(0), 20_000);
   expect([widthOf(material.map), widthOf(material.lightMap)]).toEqual([128, 1024]);
 });
+
+test("once disposed of, textures fetch nothing and report nothing", async () => {
+  vi.useFakeTimers();
+  const signals: AbortSignal[] = [];
+  vi.stubGlobal("fetch", (_address: string, { signal }: { signal: AbortSignal }) => {
+    signals.push(signal);
+    return new Promise((_resolve, reject) => {
+      signal.addEventListener("abort", () => reject(new Error("aborted")));
+    });
+  });
+  const stream = {
+    address: "https://a.test/a.umbel",
+    info: { materials: { textures: [{ source: 0 }], images: [{ uri: "a.png" }] } },
+  };
+  const reported = vi.fn();
+  const textures = new Textures(stream as unknown as AssetStream, "", reported, reported);
+  textures.use(0, new MeshBasicMaterial(), ["map"], { index: 0 }, true, "white");
+  textures.setDemand(new Map([[0, [8]]]), {} as WebGLRenderer);
+  expect(signals.map(({ aborted }) => aborted)).toEqual([false]);
+  textures.dispose();
+  await vi.advanceTimersByTimeAsync(200_000);
+  expect(signals.map(({ aborted }) => aborted)).toEqual([true]);
+  expect(reported).not.toHaveBeenCalled();
+});

@@ -47,6 +47,10 @@ export class TexelDemand {
     this.isDone = true;
     listener.measured(wantedTexels(instances, camera, height));
   }
+
+  dispose(): void {
+    clearTimeout(this.timer);
+  }
 }
 
 /** For each visible material and set of texture coordinates: texels of a whole texture, one a pixel. */

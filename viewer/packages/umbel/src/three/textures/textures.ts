@@ -54,7 +54,8 @@ export class Textures {
   /** Whether a frame began with a copy of every visible image; larger copies wait for that. */
   private hasAllSmall = false;
   private fetched = 0;
-  private isDisposed = false;
+  /** Aborted when the textures are disposed of. */
+  private readonly aborter = new AbortController();
 
   /**
    * @param onChange is called when a texture has arrived or changed its size
@@ -235,8 +236,13 @@ export class Textures {
     );
   }
 
+  private get isDisposed(): boolean {
+    return this.aborter.signal.aborted;
+  }
+
   /** Tries again later, or gives up. */
   private failed(image: StreamedImage, error: UmbelError | undefined): void {
+    if (this.isDisposed) return;
     const isLost = error?.kind === "network";
     const isHopeless = error?.kind === "unsupported";
     image.kept = undefined;
@@ -264,13 +270,13 @@ export class Textures {
   private async read({ file, uri }: ImageLevel, isUrgent: boolean): Promise<Uint8Array> {
     if (file !== undefined) return this.stream.readFile(file, isUrgent);
     const address = new URL(uri, this.stream.address);
-    const bytes = await readWhole(address.href);
+    const bytes = await readWhole(address.href, this.aborter.signal);
     if (address.protocol !== "data:") this.fetched += bytes.length;
     return bytes;
   }
 
   dispose(): void {
-    this.isDisposed = true;
+    this.aborter.abort();
     for (const image of this.images.values()) image.dispose();
     this.decoder.dispose();
   }
