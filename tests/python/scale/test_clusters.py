@@ -158,7 +158,7 @@ def test_workers_and_driver_killed(bucket: Any, ray_cluster: str, expected: str)
         driver = subprocess.Popen([sys.executable, "-c", DRIVER, ray_cluster])
         # The last is left alone.
         most = chance.randint(1, 30) * (start + 1) if start < 2 else 1 << 30
-        end = time.monotonic() + 60
+        end = time.monotonic() + (60 if start < 2 else 600)
         try:
             while driver.poll() is None and time.monotonic() < end:
                 time.sleep(chance.uniform(0.05, 0.3))

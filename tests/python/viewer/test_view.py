@@ -47,7 +47,7 @@ def get(
     view: umbel.View, path: str, method: str = "GET", **headers: str
 ) -> tuple[int, dict, bytes]:
     """Status, headers and body of an answer."""
-    connection = http.client.HTTPConnection(urlsplit(view.url).netloc, timeout=10)
+    connection = http.client.HTTPConnection(urlsplit(view.url).netloc, timeout=60)
     connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     body = answer.read()
@@ -196,13 +196,13 @@ def test_the_command_serves_until_it_is_interrupted(asset: Path, number: signal.
         try:
             assert process.stdout is not None
             url = json.loads(process.stdout.readline())["url"]
-            connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=10)
+            connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=60)
             connection.request("GET", "/")
             assert connection.getresponse().status == 200
             connection.close()
         finally:
             process.send_signal(number)
-        assert process.communicate(timeout=10) == ("", "")
+        assert process.communicate(timeout=60) == ("", "")
         assert process.returncode == 128 + number
 
 
@@ -259,7 +259,7 @@ def test_commands_say_how_an_exported_folder_is_served(
         try:
             assert process.stdout is not None
             process.stdout.read(1)  # it says that it serves
-            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
             connection.request("GET", "/")
             assert connection.getresponse().read() == (site / "index.html").read_bytes()
             connection.close()
@@ -296,7 +296,7 @@ def test_names_with_signs_of_addresses(asset: Path, tmp_path: Path, name: str) -
     try:
         [address] = parse_qs(urlsplit(shown.url).query)["asset"]
         parts = urlsplit(urljoin(shown.url, address.replace(" ", "%20")))
-        connection = http.client.HTTPConnection(parts.netloc, timeout=10)
+        connection = http.client.HTTPConnection(parts.netloc, timeout=60)
         connection.request("GET", parts.path)
         assert connection.getresponse().read() == asset.read_bytes()
         connection.close()
