@@ -53,7 +53,7 @@ _SCHEMA: Json = {
         }
     ],
     "cameras": [{"name": "text", "perspective": {"yfov": "number"}}],
-    "skins": [{"joints": _INDICES, "inverseBindMatrices": "integer"}],
+    "skins": [{"joints": _INDICES, "inverseBindMatrices": "integer", "skeleton": "integer"}],
     "accessors": [
         {
             "bufferView": "integer", "byteOffset": "integer", "componentType": "integer",

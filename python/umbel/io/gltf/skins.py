@@ -35,14 +35,29 @@ class Skin:
         names = (skin.get("name") for skin in skins)
         self.names = list(dict.fromkeys(name for name in names if name and isinstance(name, str)))
         self.extras = [skin["extras"] for skin in skins if "extras" in skin]
+        self.skeletons = {skin["skeleton"] for skin in skins if "skeleton" in skin}
         #: The joint of vertices that no other moves.
         self.still = 0
         if any(not mesh.weights.any(axis=1).all() for mesh in skinned if mesh.weights is not None):
             nodes.append({"name": "unskinned"})
             self.still = len(self.joints)
             self.joints.append(len(nodes) - 1)
+        #: The node above all joints that the source says, if they are still all below it.
+        self.skeleton = next(iter(self.skeletons)) if len(self.skeletons) == 1 else None
+        if not self._are_below(self.skeleton, nodes):
+            self.skeleton = None
         self._made: dict[bytes, int] = {}
         self.skins: list[Json] = []
+
+    def _are_below(self, top: int | None, nodes: Sequence[Json]) -> bool:
+        """Whether all joints are a node or below it."""
+        below = set() if top is None else {top}
+        waiting = list(below)
+        while waiting:
+            children = nodes[waiting.pop()].get("children", [])
+            below.update(children)
+            waiting += children
+        return below.issuperset(self.joints)
 
     def usable(self, nodes: Sequence[Json]) -> bool:
         """Whether every joint's matrix has an inverse."""
@@ -62,6 +77,8 @@ class Skin:
                 skin["name"] = self.names[0]
             if len(self.extras) == 1:
                 skin["extras"] = self.extras[0]
+            if self.skeleton is not None:
+                skin["skeleton"] = self.skeleton
             self._made[key] = len(self.skins)
             self.skins.append({**skin, "joints": self.joints})
         return self._made[key]

@@ -68,6 +68,8 @@ class Tree:
 
     def _skin(self, skin: Json) -> Json:
         out = {k: copy.deepcopy(v) for k, v in skin.items() if k in ("name", "extras")}
+        if skin.get("skeleton") in self.numbers:
+            out["skeleton"] = self.numbers[skin["skeleton"]]
         return {**out, "joints": [self.numbers[k] for k in skin.get("joints") or []]}
 
     def _clean(self, entry: Json, *without: str) -> Json:
@@ -140,6 +142,8 @@ def check_tree(tree: Json, where: str) -> None:
         _references(entry, "nodes", len(nodes), where)
     for entry in tree.get("skins", []):
         _references(entry, "joints", len(nodes), where)
+        given = {"skeletons": [entry["skeleton"]]} if "skeleton" in entry else {}
+        _references(given, "skeletons", len(nodes), where)
     below = [k for k in range(len(nodes)) if k not in parents]
     reached = 0
     while below:

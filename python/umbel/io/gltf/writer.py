@@ -125,6 +125,8 @@ class _Writer:
             self.lost.append("the extras of skins, as they become one")
         if len(skin.names) > 1:
             self.lost.append("the names of skins but the first, as they become one")
+        if skin.skeletons and skin.skeleton is None:
+            self.lost.append("the skeleton of skins")
         if skin.usable(self.nodes):
             self.roots += range(before, len(self.nodes))
             self.every = worlds(self.nodes)

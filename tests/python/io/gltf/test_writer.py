@@ -412,6 +412,18 @@ def test_extras_of_a_single_skin_are_kept(tmp_path: Path) -> None:
         extracted(saved(tmp_path, b), "on")
 
 
+def test_the_skeleton_of_skins_is_kept_or_lost_with_a_word(tmp_path: Path) -> None:
+    b = skinned()
+    b.root["skins"][0]["skeleton"] = b.root["skins"][0]["joints"][0]
+    root = json_of(extracted(saved(tmp_path, b), "on"))
+    skin = root["skins"][0]
+    assert skin["skeleton"] == skin["joints"][0] and root["nodes"][skin["skeleton"]]["children"]
+    b.root["skins"][0]["skeleton"] = b.root["skins"][0]["joints"][1]  # which is below the other
+    with pytest.warns(umbel.LoadWarning, match="written without: the skeleton of skins"):
+        out = extracted(saved(tmp_path, b), "on")
+    assert "skeleton" not in json_of(out)["skins"][0]
+
+
 def test_names_of_skins_that_become_one_are_lost_with_a_word(tmp_path: Path) -> None:
     b = two_skins()
     for skin, name in zip(b.root["skins"], ("left", "right"), strict=True):
