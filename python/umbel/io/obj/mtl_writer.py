@@ -29,6 +29,7 @@ _COAT, _IOR = "KHR_materials_clearcoat", "KHR_materials_ior"
 _COAT_FACTORS = {"clearcoatFactor": "Pc", "clearcoatRoughnessFactor": "Pcr"}
 _CHANNELS = {"roughness": 1, "metallic": 2}
 _HEAD, _WITH = b"# written by umbel\n", b"# with "
+_SHOWN = 3  # names in a warning
 _LONGEST = 1024  # more than a line of the head has
 
 
@@ -75,6 +76,11 @@ class MtlWriter:
         self.files: dict[str, bytes] = {}
         self.name = ""
         self.lost: list[str] = []
+        given = zip(materials, self.names, strict=True)
+        renamed = [f"{m.name!r} ({name})" for m, name in given if m.name not in ("", name)]
+        if renamed:
+            more = ", ..." if len(renamed) > _SHOWN else ""
+            self._say(f"some names of materials: {', '.join(renamed[:_SHOWN])}{more}")
         used = [
             (m.textures.get(slot, {}), image) for m in materials for slot, image in m.images.items()
         ]
