@@ -55,6 +55,28 @@ describe("an HTTP source", () => {
     expect(source.fetched).toBe(BYTES.length);
   });
 
+  test("downloads the file from a host that compresses it whatever is asked for", async () => {
+    const { requests, get } = host({ hasRanges: false });
+    let breaks = 1;
+    const compressing: typeof fetch = async (url, init) => {
+      const response = await get(url, init);
+      // As browsers do.
+      if (requests.at(-1)) throw new TypeError("Failed to fetch");
+      const half = new ReadableStream({
+        start: (controller) => {
+          controller.enqueue(BYTES.slice(0, 500));
+          controller.error(new TypeError("no network"));
+        },
+      });
+      const headers = { "Content-Encoding": "gzip", "Content-Length": "7" };
+      return new Response(breaks-- > 0 ? half : response.body, { headers });
+    };
+    const source = new HttpSource(URL, { fetch: compressing, delay: 1 });
+    expect(await source.read(10, 5)).toEqual(BYTES.slice(10, 15));
+    expect(await source.read(900, 500)).toEqual(BYTES.slice(900));
+    expect(requests).toEqual(["bytes=10-14", "", ""]);
+  });
+
   test("names the reason why a page may not read what another host has", async () => {
     const message = async (origin: string) => {
       vi.stubGlobal("location", { origin });

@@ -25,6 +25,8 @@ export class HttpSource implements ByteSource {
   private readonly aborter = new AbortController();
   private download: Download | undefined;
   private isLost = false;
+  /** Whether the host compresses the file; undefined until that is asked. */
+  private isCompressed: boolean | undefined;
   /** Bytes of the file, once an answer has told. */
   private total: number | undefined;
 
@@ -68,9 +70,12 @@ export class HttpSource implements ByteSource {
 
   private async request(offset: number, length: number): Promise<Uint8Array> {
     if (this.download) return this.downloaded(this.download, offset, length);
-    const headers = { Range: `bytes=${offset}-${offset + length - 1}` };
+    const range = `bytes=${offset}-${offset + length - 1}`;
+    const headers: Record<string, string> = this.isCompressed ? {} : { Range: range };
     const { signal } = this.aborter;
-    const response = await patientFetch(this.url, { headers, signal }, this.options);
+    const response = await patientFetch(this.url, { headers, signal }, this.options).catch(
+      (error: unknown) => this.compressed(error),
+    );
     if (response.status === 206) return this.part(response, offset, length);
     if (response.status === 200) {
       // Simultaneous requests share the first download.
@@ -82,6 +87,20 @@ export class HttpSource implements ByteSource {
     }
     if (response.status === 416) return this.checked(new Uint8Array(0), offset, length);
     throw statusError(response.status, this.url);
+  }
+
+  /**
+   * The whole file, from a host that compresses it whatever is asked for: browsers refuse compressed
+   * answers to requests for ranges. Throws `error` if the host does not compress.
+   */
+  private async compressed(error: unknown): Promise<Response> {
+    const { signal } = this.aborter;
+    if (!(error instanceof TypeError) || this.isCompressed !== undefined) throw error;
+    const response = await patientFetch(this.url, { signal }, this.options);
+    this.isCompressed = response.status === 200 && response.headers.has("Content-Encoding");
+    if (this.isCompressed) return response;
+    await response.body?.cancel();
+    throw error;
   }
 
   private async part(response: Response, offset: number, length: number): Promise<Uint8Array> {
