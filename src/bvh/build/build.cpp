@@ -180,7 +180,6 @@ Bvh2 build_checked(const MeshView* mesh, Boxes boxes, const Config& config,
     collapse_leaves(tree, config.cost, config.max_leaf_size);
   }
   if (scale != 1.0f) unscale(tree, boxes, scale, parts);
-  progress.report(1, "building");
   return tree;
 }
 
@@ -302,6 +301,7 @@ Bvh2 build(std::span<const Aabb> boxes, const Config& config, const BuildOptions
     check_boxes(boxes);
     if (!boxes.empty()) tree = build_checked(nullptr, boxes, config, progress);
   });
+  progress.report(1, "building");
   return tree;
 }
 
@@ -319,6 +319,7 @@ Bvh2 build(const MeshView& mesh, const Config& config, const BuildOptions& optio
       return boxes.empty() ? Bvh2{} : build_checked(&usable, boxes, config, progress);
     });
   });
+  progress.report(1, "building");
   return tree;
 }
 

@@ -73,9 +73,10 @@ KaryTree build_kmeans_kary(std::span<const Aabb> boxes, const Config& config,
                                                  ", but must be from 2 to 64 in k-ary trees");
   check_kmeans_boxes(boxes);
   KaryTree tree;
-  if (boxes.empty()) return tree;
   Progress progress(options);
+  progress.report(0, "clustering");
   with_threads(options.threads, [&] {
+    if (boxes.empty()) return;
     CpuExec exec;
     const std::vector<Aabb> copies = moderate_boxes(boxes);
     KmeansPasses<CpuExec> passes(exec, copies.data(), static_cast<uint32_t>(boxes.size()),

@@ -28,7 +28,10 @@ Clusters cluster_mesh_morton(const MeshView& mesh, const ClusterConfig& config,
   Progress progress(options);
   progress.report(0, "clustering");
   Clusters out;
-  if (input.count == 0) return out;
+  if (input.count == 0) {
+    progress.report(1, "clustering");
+    return out;
+  }
   with_threads(options.threads, [&] {
     CpuExec exec;
     const auto order = cluster::order_triangles<uint32_t>(exec, input, 30);
@@ -54,7 +57,10 @@ Clusters cluster_mesh_hybrid(const MeshView& mesh, const ClusterConfig& config,
   Progress progress(options);
   progress.report(0, "clustering");
   Clusters out;
-  if (input.count == 0) return out;
+  if (input.count == 0) {
+    progress.report(1, "clustering");
+    return out;
+  }
   const uint32_t most = checked.most_clusters(input.count);
   const CpuBuffer<uint32_t> items(input.count), offsets(size_t(most) + 1), count(1);
   const CpuBuffer<Triangle> triangles(input.count);

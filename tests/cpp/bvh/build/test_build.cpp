@@ -236,6 +236,30 @@ TEST(Build, empty_input_gives_an_empty_tree) {
   EXPECT_TRUE(build(std::span<const Aabb>{}).nodes.empty());
 }
 
+TEST(Build, of_nothing_ends_its_progress_too) {
+  const auto last = [](const auto& build_with) {
+    float fraction = -1;
+    BuildOptions options;
+    options.progress = [&](float now, std::string_view) {
+      fraction = now;
+      return true;
+    };
+    build_with(options);
+    return fraction;
+  };
+  Mesh mesh = shapes::soup(1, 1);
+  for (Vec3& position : mesh.positions) position.x = kNan;
+  Config dropping = preset("quality");
+  dropping.invalid = InvalidTriangles::kDrop;
+  const std::span<const Aabb> no_boxes;
+  EXPECT_EQ(last([&](const auto& options) { build(no_boxes, {}, options); }), 1);
+  EXPECT_EQ(last([&](const auto& options) { build(MeshView{}, {}, options); }), 1);
+  EXPECT_EQ(last([&](const auto& options) { build(mesh.view(), dropping, options); }), 1);
+  EXPECT_EQ(last([&](const auto& options) { build_kmeans_kary(no_boxes, {}, options); }), 1);
+  EXPECT_EQ(last([&](const auto& options) { build_kmeans_kary(mesh.view(), dropping, options); }),
+            1);
+}
+
 TEST(Build, names_go_both_ways) {
   for (const Builder builder : builders()) EXPECT_EQ(builder_by_name(name(builder)), builder);
   const std::string sentence =

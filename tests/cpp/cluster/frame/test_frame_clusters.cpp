@@ -26,6 +26,19 @@ TEST(FrameClusters, a_sphere_is_clustered_within_the_limits) {
     expect_sound(clusters_of(mesh, config), mesh, config);
 }
 
+TEST(FrameClusters, of_no_triangles_end_their_progress_too) {
+  for (const auto method : {cluster_mesh_morton, cluster_mesh_hybrid}) {
+    float last = -1;
+    BuildOptions options;
+    options.progress = [&](float fraction, std::string_view) {
+      last = fraction;
+      return true;
+    };
+    EXPECT_TRUE(method(MeshView{}, cluster_preset("quality", 128), options).ranges.empty());
+    EXPECT_EQ(last, 1);
+  }
+}
+
 TEST(FrameClusters, hybrid_has_less_than_half_the_area_of_morton) {
   for (const Mesh& mesh : {shapes::sphere(6), soup(30000, 7)}) {
     FrameClusterConfig morton, hybrid;
