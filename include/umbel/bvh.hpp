@@ -199,7 +199,8 @@ UMBEL_API KaryTree build_kmeans_kary(std::span<const Aabb> boxes, const Config& 
 UMBEL_API KaryTree build_kmeans_kary(const MeshView& mesh, const Config& config = {},
                                      const BuildOptions& options = {});
 
-// Passes. Each keeps the primitives below the root and never raises the SAH cost.
+// Passes. Each keeps the primitives below the root and never raises the SAH cost. Costs that are
+// not positive and finite are refused (kInvalidArgument).
 
 /// Makes a leaf of every subtree with at most `max_leaf_size` primitives that costs less as one.
 UMBEL_API void collapse_leaves(Bvh2& tree, const CostModel& cost, uint32_t max_leaf_size,
@@ -220,7 +221,8 @@ UMBEL_API void reorder(Bvh2& tree, const BuildOptions& options = {});
 
 /// Expected cost of a random line: sum over nodes of area / root area times k_T (inner nodes) or
 /// k_I times primitives (leaves) (Goldsmith & Salmon 1987). 0 for an empty tree; where the root has
-/// no area, the cost of visiting every node.
+/// no area, the cost of visiting every node. Here and in what else measures a tree a cost may be 0,
+/// but not negative, infinite or NaN (kInvalidArgument).
 UMBEL_API double sah_cost(const Bvh2& tree, const CostModel& cost = {});
 UMBEL_API double sah_cost(const KaryTree& tree, const CostModel& cost = {});
 

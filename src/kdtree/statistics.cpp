@@ -1,6 +1,7 @@
 // What a kd-tree costs by the surface area heuristic, and its size.
 #include <algorithm>
 
+#include "bvh/tree/config.hpp"
 #include "query/cells.hpp"
 #include "umbel/kdtree.hpp"
 
@@ -15,6 +16,7 @@ struct MeasuredNode {
 }  // namespace
 
 Statistics statistics(const Tree& tree, const bvh::CostModel& cost) {
+  bvh::check_measure(cost);
   Statistics s{};
   s.nodes = static_cast<uint32_t>(tree.nodes.size());
   s.bytes = tree.nodes.size() * sizeof(Node) + tree.references.size() * sizeof(uint32_t);

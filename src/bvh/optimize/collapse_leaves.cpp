@@ -3,12 +3,14 @@
 #include <vector>
 
 #include "base/progress.hpp"
+#include "bvh/tree/config.hpp"
 #include "bvh/tree/layout.hpp"
 #include "bvh/tree/node_area.hpp"
 
 namespace umbel::bvh {
 void collapse_leaves(Bvh2& tree, const CostModel& cost, uint32_t max_leaf_size,
                      const BuildOptions& options) {
+  check_cost(cost);
   if (tree.nodes.empty()) return;
   Progress progress(options);
   progress.report(0, "collapsing leaves");

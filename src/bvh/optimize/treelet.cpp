@@ -3,6 +3,8 @@
 
 #include <string>
 
+#include "bvh/tree/config.hpp"
+
 namespace umbel::bvh {
 namespace {
 
@@ -87,6 +89,7 @@ void restructure(Bvh2& tree, uint32_t size, uint32_t rounds, const LeafRule& rul
 void restructure_treelets(Bvh2& tree, uint32_t treelet_size, uint32_t rounds, const CostModel& cost,
                           const BuildOptions& options) {
   check_arguments(treelet_size, rounds);
+  check_cost(cost);
   if (tree.nodes.size() < 5 || rounds == 0) return;
   Progress progress(options);
   // Leaves stay as they are, so none of the joins may become one.

@@ -29,16 +29,24 @@ void check_enum(const char* name, uint32_t value, uint32_t count) {
                                                std::to_string(count - 1));
 }
 
-}  // namespace
-
-void check_cost(const CostModel& cost) {
-  const auto check = [](const char* name, float value) {
-    if (value > 0 && std::isfinite(value)) return;
-    throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + printed(double(value)) +
-                                                 ", but must be positive and finite");
+void check_costs(const CostModel& cost, bool (*is_right)(float), const char* needed) {
+  const auto check = [&](const char* name, float value) {
+    if (is_right(value) && std::isfinite(value)) return;
+    throw Error(ErrorCode::kInvalidArgument,
+                std::string(name) + " is " + printed(double(value)) + ", but must be " + needed);
   };
   check("cost.traversal", cost.traversal);
   check("cost.intersection", cost.intersection);
+}
+
+}  // namespace
+
+void check_cost(const CostModel& cost) {
+  check_costs(cost, [](float c) { return c > 0; }, "positive and finite");
+}
+
+void check_measure(const CostModel& cost) {
+  check_costs(cost, [](float c) { return c >= 0; }, "finite and not negative");
 }
 
 void check_config(const Config& c, size_t primitives) {

@@ -15,6 +15,9 @@ inline constexpr size_t kMaxPrimitives = (size_t{1} << 31) - 1;
 /// Throws kInvalidArgument, naming the field and its value, if a cost is not positive and finite.
 void check_cost(const CostModel& cost);
 
+/// The same of what only measures a tree, which may leave out one kind of visits: a cost may be 0.
+void check_measure(const CostModel& cost);
+
 /// Throws kInvalidArgument, naming the field and its value, if one is out of its range, and if
 /// `primitives` cannot be told apart within max_depth.
 void check_config(const Config& config, size_t primitives);

@@ -13,8 +13,8 @@
 
 #include "base/parallel.hpp"
 #include "base/shared_progress.hpp"
+#include "bvh/tree/config.hpp"
 #include "query/triangle_geometry.hpp"
-#include "umbel/bvh.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -274,6 +274,7 @@ size_t stride_for(const Descent& descent, const Homes& homes, Progress& progress
 
 double end_point_overlap(const Bvh2& tree, const MeshView& mesh, const CostModel& cost,
                          const BuildOptions& options) {
+  check_measure(cost);
   check_references(tree, mesh);
   if (tree.nodes.empty()) return 0;
   Descent::Areas sum;

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "bvh/tree/config.hpp"
 #include "bvh/tree/node_area.hpp"
-#include "umbel/bvh.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -15,6 +15,7 @@ uint32_t child_count(const KaryNode& node) { return node.children; }
 
 template <typename Tree>
 double cost_of(const Tree& tree, const CostModel& cost) {
+  check_measure(cost);
   if (tree.nodes.empty()) return 0.0;
   const double root = half_area(tree.nodes[0]);
   double sum = 0.0;

@@ -11,6 +11,7 @@
 #include "base/parallel.hpp"
 #include "bvh/tree_tests.hpp"
 #include "data_folder.hpp"
+#include "umbel/kdtree.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -353,6 +354,31 @@ TEST(Build, refuses_impossible_configurations_naming_field_and_value) {
   refuses("kmeans.clusters", [](Config& c) { c.kmeans.clusters = 1; });
   refuses("builder", [](Config& c) { c.builder = static_cast<Builder>(99); });
   refuses("builder", [](Config& c) { c.builder = Builder::kSpatial; });
+}
+
+TEST(Build, costs_that_measure_nothing_are_refused_by_passes_and_measures) {
+  const Mesh mesh = shapes::blob(3, 1);
+  const Bvh2 tree = build(mesh.view());
+  const KaryTree kary = build_kmeans_kary(mesh.view());
+  Bvh2 changed = tree;
+  const auto refuses = [&](const std::string& field, const std::function<void()>& work) {
+    const std::string sentence = error_of(work, ErrorCode::kInvalidArgument);
+    EXPECT_EQ(sentence.rfind(field + " is ", 0), 0u) << sentence;
+  };
+  for (const float wrong : {kNan, kInfinity, -1.0f}) {
+    const CostModel traversal{wrong, 2}, intersection{3, wrong};
+    refuses("cost.traversal", [&] { sah_cost(tree, traversal); });
+    refuses("cost.intersection", [&] { sah_cost(kary, intersection); });
+    refuses("cost.traversal", [&] { statistics(kary, traversal); });
+    refuses("cost.intersection", [&] { statistics(Bvh2{}, intersection); });
+    refuses("cost.traversal", [&] { end_point_overlap(tree, mesh.view(), traversal); });
+    refuses("cost.intersection", [&] { kdtree::statistics({}, intersection); });
+    refuses("cost.traversal", [&] { collapse_leaves(changed, traversal, 8); });
+    refuses("cost.intersection", [&] { restructure_treelets(changed, 9, 2, intersection); });
+  }
+  EXPECT_EQ(changed.nodes, tree.nodes);
+  // The leaves alone, and the inner nodes alone.
+  EXPECT_NEAR(sah_cost(tree, {0, 2}) + sah_cost(tree, {3, 0}), sah_cost(tree), 1e-9);
 }
 
 using umbel::testing::data_folder;
