@@ -206,8 +206,9 @@ UMBEL_API KaryTree build_kmeans_kary(const MeshView& mesh, const Config& config 
 UMBEL_API void collapse_leaves(Bvh2& tree, const CostModel& cost, uint32_t max_leaf_size,
                                const BuildOptions& options = {});
 
-/// Moves subtrees to where they enlarge the tree least (Meister & Bittner 2018), in rounds until
-/// one gains nothing.
+/// Moves subtrees to where they enlarge the tree least (Meister & Bittner 2018), in at most
+/// `rounds` rounds. The first tries only the largest nodes, and the one after a round that gains
+/// little twice as many; a round with all of them that gains nothing is the last.
 UMBEL_API void reinsert(Bvh2& tree, uint32_t rounds, const BuildOptions& options = {});
 
 /// Agglomerates the largest `treelet_size` (3..15) subtrees below each node, always the two with
