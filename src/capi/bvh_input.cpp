@@ -52,15 +52,8 @@ BvhConfig bvh_config(const umbel_bvh_config* config) {
   tree.aac = {given.aac_leaf_size, given.aac_epsilon};
   result.width = given.width;
   result.compact = given.compact != 0;
-  result.simd = simd_of(given.simd);
+  result.simd = static_cast<Simd>(given.simd);
   return result;
-}
-
-Simd simd_of(uint32_t simd) {
-  if (simd > uint32_t{UMBEL_SIMD_AVX512})
-    throw Error(ErrorCode::kInvalidArgument,
-                "config->simd is " + std::to_string(simd) + ", but its values are 0 to 3");
-  return static_cast<Simd>(simd);
 }
 
 BvhMesh bvh_mesh(const umbel_bvh_mesh* mesh) {

@@ -19,9 +19,6 @@ namespace umbel::capi {
 /// The caller's config; the defaults where `config` is NULL.
 BvhConfig bvh_config(const umbel_bvh_config* config);
 umbel_bvh_config as_c(const BvhConfig& config);
-/// Of a config's `simd`; throws where there is no such.
-Simd simd_of(uint32_t simd);
-
 /// The settings of k-means in a config for either processor.
 template <typename Given>
 bvh::KmeansConfig kmeans_config(const Given& given) {

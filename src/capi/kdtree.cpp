@@ -65,7 +65,7 @@ KdTreeConfig kdtree_config(const umbel_kdtree_config* config) {
       given.drop_invalid ? bvh::InvalidTriangles::kDrop : bvh::InvalidTriangles::kRefuse;
   result.traversal = static_cast<Traversal>(given.traversal);
   result.compact = given.compact != 0;
-  result.simd = simd_of(given.simd);
+  result.simd = static_cast<Simd>(given.simd);
   result.tree.target_leaf_size = given.target_leaf_size;
   return result;
 }

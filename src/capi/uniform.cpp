@@ -41,7 +41,7 @@ template <typename Structure, typename Config>
 umbel_uniform build(Config config, const umbel_uniform_config& given, const umbel_bvh_mesh* mesh,
                     const umbel_build_options* options) {
   config.compact = given.compact != 0;
-  config.simd = simd_of(given.simd);
+  config.simd = static_cast<Simd>(given.simd);
   config.cost = {given.traversal_cost, given.intersection_cost};
   if (given.drop_invalid) config.invalid = bvh::InvalidTriangles::kDrop;
   const BvhMesh input = bvh_mesh(mesh);

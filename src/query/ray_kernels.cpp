@@ -23,6 +23,10 @@ bool has_avx512() { return false; }
 }  // namespace
 
 Simd choose_simd(Simd wanted) {
+  if (wanted > Simd::kAvx512)
+    throw Error(
+        ErrorCode::kInvalidArgument,
+        "simd is " + std::to_string(static_cast<uint32_t>(wanted)) + ", but its values are 0 to 3");
   const bool there = wanted == Simd::kAvx512 ? has_avx512() : wanted != Simd::kAvx2 || has_avx2();
   if (!there)
     throw Error(ErrorCode::kUnsupported, std::string("simd asks for ") +

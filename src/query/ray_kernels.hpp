@@ -17,7 +17,7 @@ struct RayKernels {
 extern const RayKernels kNoRays;
 
 /// What kAuto means on this machine, or `wanted` itself. Throws kUnsupported where the machine
-/// lacks the instructions asked for.
+/// lacks the instructions asked for, kInvalidArgument for what is no value of Simd.
 Simd choose_simd(Simd wanted);
 
 }  // namespace umbel

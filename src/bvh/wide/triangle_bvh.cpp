@@ -22,6 +22,7 @@ void check_config(const BvhConfig& config) {
   if (config.width != 2 && config.width != 4 && config.width != 8)
     throw Error(ErrorCode::kInvalidArgument,
                 "width must be 2, 4 or 8, but is " + std::to_string(config.width));
+  choose_simd(config.simd);
   bvh::check_cost(config.tree.cost);
 }
 

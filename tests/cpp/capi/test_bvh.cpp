@@ -104,7 +104,7 @@ TEST(CapiBvh, every_field_of_the_config_arrives) {
       {[](umbel_bvh_config& c) { c.aac_leaf_size = 1; }, "aac.leaf_size"},
       {[](umbel_bvh_config& c) { c.aac_epsilon = 0.6f; }, "aac.epsilon"},
       {[](umbel_bvh_config& c) { c.width = 3; }, "width"},
-      {[](umbel_bvh_config& c) { c.simd = 4; }, "config->simd"}};
+      {[](umbel_bvh_config& c) { c.simd = 4; }, "simd is 4"}};
   for (const auto& [spoil, name] : cases) {
     Call call;
     spoil(call.config);

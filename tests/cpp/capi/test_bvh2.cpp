@@ -130,6 +130,21 @@ TEST(CapiBvh2, what_no_build_takes_requires_nothing) {
   refused([](auto& c) { c.max_depth = 8; }, "max_depth is 8");
 }
 
+TEST(CapiBvh2, what_queries_use_does_not_matter_to_binary_trees) {
+  Call call;
+  call.config.simd = 99, call.config.width = 99;
+  Tree made(call.mesh.triangle_count);
+  EXPECT_EQ(umbel_bvh2_requirements(call.mesh.triangle_count, &call.config, &made.needed), UMBEL_OK)
+      << umbel_last_error();
+  EXPECT_EQ(umbel_bvh2_build_triangles(&call.mesh, &call.config, nullptr, &made.tree), UMBEL_OK)
+      << umbel_last_error();
+  umbel_bvh2_statistics found;
+  umbel_bvh2_statistics_init(&found);
+  EXPECT_EQ(umbel_bvh2_get_statistics(&made.tree, &call.config, &found), UMBEL_OK);
+  EXPECT_EQ(umbel_bvh_config_preset(&call.config, "fast"), UMBEL_OK);
+  EXPECT_EQ(call.config.simd, 99u);
+}
+
 TEST(CapiBvh2, spatial_splits_fit_what_they_require) {
   Call call(large_triangles(500));
   call.config.builder = UMBEL_BVH_SPATIAL;

@@ -199,7 +199,7 @@ TEST(CapiKdTree, every_field_of_the_config_arrives) {
       {[](umbel_kdtree_config& c) { c.max_references = 0; }, "max_references"},
       {[](umbel_kdtree_config& c) { c.bins = 3; }, "bins"},
       {[](umbel_kdtree_config& c) { c.traversal = 3; }, "traversal"},
-      {[](umbel_kdtree_config& c) { c.simd = 4; }, "config->simd"},
+      {[](umbel_kdtree_config& c) { c.simd = 4; }, "simd is 4"},
       {[](umbel_kdtree_config& c) { c.struct_size = 4; }, "config->struct_size"}};
   for (const auto& [spoil, name] : cases) {
     KdCall call;

@@ -250,6 +250,18 @@ TEST(Rays, what_is_no_ray_hits_nothing) {
   }
 }
 
+TEST(Rays, what_is_no_instruction_set_is_refused) {
+  BvhConfig config;
+  config.simd = static_cast<Simd>(4);
+  try {
+    Bvh::build(shapes::blob(2, 1).view(), config);
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument);
+    EXPECT_STREQ(error.what(), "simd is 4, but its values are 0 to 3");
+  }
+}
+
 TEST(Rays, a_tree_without_triangles_answers) {
   Bvh empty = Bvh::build({});
   const Ray ray{{0, 0, 0}, 0, {0, 0, 1}, 1};
