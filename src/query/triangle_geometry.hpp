@@ -49,11 +49,13 @@ UMBEL_HOST_DEVICE inline TrianglePoint closest_on_triangle(const Vec3d& a, const
   const double squared = dot(normal, normal);
   // Below this the normal is made of rounding errors, and the triangle is as thin as its edges.
   constexpr double kThin = 1e-26;
-  const bool thin = !(squared > kThin * dot(ab, ab) * dot(ac, ac));
   const double u = dot(normal, cross(c, a)), v = dot(normal, cross(a, b));
   const double w = dot(normal, cross(b, c));
+  // Their sum is `squared`, but nothing may be left of them where the triangle is very far away.
+  const double sum = u + v + w;
+  const bool thin = !(squared > kThin * dot(ab, ab) * dot(ac, ac) && sum > 0);
   if (!thin && u >= 0 && v >= 0 && w >= 0) {
-    const double scale = 1 / (u + v + w);
+    const double scale = 1 / sum;
     const Vec3d point = a + ab * (u * scale) + ac * (v * scale);
     return {dot(point, point), u * scale, v * scale};
   }

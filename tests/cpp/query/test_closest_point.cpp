@@ -69,6 +69,28 @@ TEST(BvhClosestPoint, works_at_any_scale) {
   }
 }
 
+TEST(BvhClosestPoint, is_found_where_triangles_are_smaller_than_the_distance_s_rounding) {
+  // Beside a triangle of common size, behind the others from where the points are.
+  for (int exponent = -40; exponent >= -64; --exponent) {
+    Mesh mesh = transformed(shapes::blob(2, 1), std::ldexp(1.0f, exponent));
+    const size_t tiny = mesh.triangles.size();
+    const auto first = uint32_t(mesh.positions.size());
+    for (const Vec3& corner : {Vec3{5, 0, 0}, Vec3{5, 1, 0}, Vec3{5, 0, 1}})
+      mesh.positions.push_back(corner);
+    mesh.triangles.push_back({first, first + 1, first + 2});
+    for (const bool compact : {false, true}) {
+      BvhConfig config;
+      config.compact = compact;
+      const Bvh tree = Bvh::build(mesh.view(), config);
+      for (const Vec3& p : points_around(shapes::sphere(0).view(), 50, 5)) {
+        const double distance = length(to_double(p));
+        ASSERT_NEAR(tree.closest_point(p).distance, distance, 1e-6);
+        ASSERT_EQ(tree.overlaps(Sphere{p, float(distance) + 1e-6f}).size(), tiny);
+      }
+    }
+  }
+}
+
 TEST(BvhClosestPoint, of_equals_the_lowest_triangle_is_taken_by_every_tree) {
   Mesh mesh = shapes::sphere(2);
   mesh.triangles.insert(mesh.triangles.end(), mesh.triangles.begin(), mesh.triangles.end());
