@@ -62,11 +62,14 @@ void Unit::load(const MeshView& mesh, const Meshlet& meshlet) {
   planes.clear();
   for (const uint32_t v : meshlet.vertices) points.push_back(narrow(inward(mesh.positions[v])));
   for (const auto& t : meshlet.corners) {
-    const auto at = [&](int k) { return inward(mesh.positions[meshlet.vertices[t[k]]]); };
+    const auto at = [&](int k) { return to_double(mesh.positions[meshlet.vertices[t[k]]]); };
     indices.insert(indices.end(), t.begin(), t.end());
+    // Of the corners as they are: moving them to the cluster's centre may leave nothing of a
+    // triangle that is tiny beside the cluster.
     const Vec3d a = at(0), normal = cross(at(1) - a, at(2) - a);
     const double size = length(normal);
-    if (size > 0) planes.push_back({a, normal * (1 / size)});
+    if (size > 0)
+      planes.push_back({inward(mesh.positions[meshlet.vertices[t[0]]]), normal * (1 / size)});
   }
 }
 

@@ -113,6 +113,24 @@ TEST(ClusterBounds, a_flat_cluster_has_a_flat_cone) {
   }
 }
 
+TEST(ClusterBounds, cones_hold_triangles_that_are_tiny_beside_their_cluster) {
+  for (const float size : {1e-6f, 1e-12f, 1e-18f, 1e-36f}) {
+    Mesh mesh = shapes::grid(8, 8);
+    const auto first = uint32_t(mesh.positions.size());
+    mesh.positions.insert(mesh.positions.end(), {{0, 0, 0}, {size, 0, size}, {0, size, 0}});
+    mesh.triangles.push_back({first, first + 1, first + 2});
+    const Clusters clusters = clusters_of(mesh, 256);
+    ASSERT_EQ(clusters.ranges.size(), 1u);
+    const ClusterBounds b = cluster_bounds(mesh.view(), clusters)[0];
+    const Vec3d normal{-std::sqrt(0.5), 0, std::sqrt(0.5)};
+    EXPECT_GE(b.cone_cutoff, length(cross(normal, to_double(b.cone_axis)))) << size;
+    std::mt19937 random(1);
+    size_t culled = 0;
+    expect_culls_nothing_visible(mesh, clusters, 0, b, random, culled);
+    EXPECT_GT(culled, 0u);
+  }
+}
+
 TEST(ClusterBounds, a_closed_cluster_has_no_cone) {
   const Mesh mesh = shapes::tetrahedra(1);
   for (const ClusterBounds& b : cluster_bounds(mesh.view(), clusters_of(mesh))) {
