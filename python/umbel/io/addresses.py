@@ -109,8 +109,11 @@ def _kept(image: TextureImage, lost: dict[str, None]) -> TextureImage | None:
     fallback = None if image.fallback is None else _kept(image.fallback, lost)
     if image.path is None:
         return replace(image, fallback=fallback)
+    named = {"name": image.path.stem, **image.gltf.get("image", {})}
+    said = {**image.gltf, "image": named}
     try:
-        return replace(image, data=image.path.read_bytes(), path=None, fallback=fallback)
+        data = image.path.read_bytes()
+        return replace(image, data=data, path=None, gltf=said, fallback=fallback)
     except OSError:
         lost[repr(image.path.name)] = None
         return fallback

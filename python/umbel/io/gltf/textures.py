@@ -149,7 +149,9 @@ class TextureTable:
             entry = self._store(slot, one)
             if entry is not None:
                 name = _BY_TYPE.get(entry.get("mimeType", ""), one.extension)
-                source = self._index("images", {**one.gltf.get("image", {}), **entry})
+                # An image that was a file of its own is known by the file's name.
+                named = {} if one.path is None or "uri" in entry else {"name": one.path.stem}
+                source = self._index("images", {**named, **one.gltf.get("image", {}), **entry})
                 if name:
                     extensions.setdefault(name, {"source": source})
                 else:

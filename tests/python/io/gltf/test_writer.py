@@ -366,6 +366,19 @@ def test_a_lightmap_keeps_its_image(tmp_path: Path) -> None:
     assert (len(root["textures"]), len(root["images"])) == (1, 1)
 
 
+def test_images_keep_the_names_of_their_files(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    for name in ("wood", "b\u00e9ton 1"):
+        Image.new("RGB", (4, 4), (len(name), 0, 0)).save(tmp_path / f"{name}.png")
+    b.root["images"] = [{"uri": "wood.png"}, {"uri": "b%C3%A9ton%201.png", "name": "own"}]
+    b.root["textures"] = [{"source": 0}, {"source": 1}]
+    b.root["materials"] = [{"normalTexture": {"index": 0}, "emissiveTexture": {"index": 1}}]
+    arrays = {"POSITION": TETRA_POSITIONS, "TEXCOORD_0": TETRA_POSITIONS[:, :2].copy()}
+    b.scene(b.node(mesh=b.mesh(b.primitive(arrays, INDICES, material=0))))
+    images = json_of(extracted(saved(tmp_path, b), "off"))["images"]
+    assert [image["name"] for image in images] == ["wood", "own"]
+
+
 def test_textures_of_meshes_without_uvs_are_lost_with_a_warning(tmp_path: Path) -> None:
     b = GltfBuilder()
     png = io.BytesIO()
