@@ -13,15 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
-from umbel.geometry.mesh import Material, Mesh
+from umbel.geometry.mesh import Material, Mesh, check_unmasked
 
 
 def array_of(name: str, values: ArrayLike) -> NDArray[Any]:
-    """`values` as an array of anything; umbel.Error if they are none."""
+    """`values` as an array of anything; umbel.Error if they are none, or some are masked."""
     try:
-        return np.asarray(values)
+        array = np.asarray(values)
     except ValueError:
         raise Error(f"{name} must be an array, but its rows differ in length") from None
+    check_unmasked(name, values)
+    return array
 
 
 def numbers(name: str, values: ArrayLike) -> NDArray[Any]:

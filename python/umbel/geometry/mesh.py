@@ -320,11 +320,18 @@ def _array(value: ArrayLike, what: str) -> NDArray[Any]:
         array = np.asarray(value)
     except ValueError as error:
         raise Error(f"{what} cannot be made an array: {error}") from None
+    check_unmasked(what, value)
     if array.size == 0:
         array = array.astype(np.float32) if array.dtype == object else array
     if array.dtype.kind not in "fiub":
         raise Error(f"{what} must hold numbers, not {array.dtype}")
     return array
+
+
+def check_unmasked(what: str, value: Any) -> None:
+    """Raises where values are masked: in a plain array they would be taken for good ones."""
+    if hasattr(value, "mask") and np.ma.is_masked(value):  # numpy.ma takes time to import
+        raise Error(f"{what} must have no masked values: fill them, or leave them out")
 
 
 def _table(value: ArrayLike, columns: int, what: str) -> NDArray[Any]:

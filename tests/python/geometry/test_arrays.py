@@ -186,6 +186,20 @@ def test_any_array_is_taken_or_refused_with_a_sentence(name: str) -> None:
     assert refused > 10
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_masked_values_are_refused(name: str) -> None:
+    make, good = CASES[name]
+    call = make()
+    masked = np.ma.array(good, mask=np.arange(good.size).reshape(good.shape) == 0)
+    with pytest.raises(umbel.Error, match="masked"):
+        call(masked)
+
+
+def test_masked_arrays_without_masked_values_are_arrays() -> None:
+    mesh = umbel.Mesh(np.ma.array(POSITIONS), np.ma.array(TRIANGLES, mask=False))
+    assert np.array_equal(mesh.positions, POSITIONS)
+
+
 def test_numbers_that_are_none_are_refused_with_a_sentence() -> None:
     wrong: tuple[Any, ...] = (-1, 2**32, 1.5, "2", None)
     for threads in wrong:
