@@ -117,7 +117,8 @@ class BoxKdTree:
         primitive = np.full(count, -1, np.int32)
         if len(rays) == 0:
             return t, primitive
-        found = np.asarray(test(rays, primitives), np.float32)
+        with np.errstate(over="ignore"):  # too far for float32 is a miss
+            found = numbers("what test gives", test(rays, primitives)).astype(np.float32)
         if found.shape != rays.shape:
             raise Error(f"test must give {rays.shape} distances, not {found.shape}")
         low, high = _each("t_min", t_min, count), _each("t_max", t_max, count)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,23 @@ def test_kd_tree_over_boxes_finds_overlaps_and_shows_its_tables() -> None:
     with pytest.raises(umbel.Error):
         tree.intersect([[0, 0, 0]], [[1, 1, 1]], lambda rays, boxes: np.zeros(1 + len(rays)))
     assert umbel.BoxKdTree(np.zeros((0, 6))).bounds is None
+
+
+@pytest.mark.parametrize(
+    ("found", "says"),
+    [
+        (np.ma.array([1.0], mask=[True]), "what test gives must have no masked values"),
+        (np.array([1 + 1j]), "what test gives must hold numbers, not complex128"),
+        ([[1.0], [2.0, 3.0]], "what test gives must be an array"),
+        (["near"], "what test gives must hold numbers"),
+    ],
+)
+def test_what_the_caller_s_test_gives_must_be_distances(found: Any, says: str) -> None:
+    tree = umbel.BoxKdTree([[1, 1, 1, 2, 2, 2]])
+    with pytest.raises(umbel.Error, match=says):
+        tree.intersect([[0, 0, 0]], [[1, 1, 1]], lambda rays, boxes: found)
+    far, _ = tree.intersect([[0, 0, 0]], [[1, 1, 1]], lambda rays, boxes: np.full(1, 1e300))
+    assert far.tolist() == [np.inf]
 
 
 def test_a_dynamic_tree_holds_what_was_put_in_and_not_taken_out() -> None:
