@@ -309,6 +309,7 @@ BUILD_MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"builder": "sweep-q1"}, "kmeans"),
     ({"width": 3}, "width must be 2, 4 or 8"),
     ({"width": "8"}, "width must be 2, 4 or 8"),
+    ({"width": np.array([4, 8])}, "width must be 2, 4 or 8"),
     ({"simd": "neon"}, "simd must be"),
     ({"masks": [1, 2]}, "masks must be"),
     ({"masks": []}, "masks must be"),
