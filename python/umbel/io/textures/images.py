@@ -92,6 +92,10 @@ def decode(data: bytes, what: str) -> NDArray[np.uint8]:
                     out = np.array(low.convert("RGBA"), np.uint8)
                     out[..., 3] = np.where(values == image.info.get("transparency"), 0, 255)
                     return out
+                if image.mode == "F":  # fractions
+                    values = np.clip(np.nan_to_num(np.asarray(image)), 0, 1)
+                    grey = Image.fromarray(np.rint(255 * values).astype(np.uint8))
+                    return np.array(grey.convert("RGBA"), np.uint8)
                 if image.format == "PNG":
                     _fit_clear_color(image, depth=data[24])
                 return np.ascontiguousarray(image.convert("RGBA"), np.uint8)

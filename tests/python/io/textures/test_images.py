@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+
+import numpy as np
 import pytest
+from PIL import Image
 
 from umbel.errors import Error
 from umbel.io.textures.images import decode
@@ -13,3 +17,13 @@ def test_what_is_no_image_is_named_as_such(data: bytes) -> None:
     says = "^wood.png cannot be decoded: it is damaged or of no known format$"
     with pytest.raises(Error, match=says):
         decode(data, "wood.png")
+
+
+def test_floats_are_fractions() -> None:
+    out = io.BytesIO()
+    Image.fromarray(np.float32([[0, 0.5, 1, 4], [-1, 0.2, np.nan, np.inf]])).save(out, "TIFF")
+    texels = decode(out.getvalue(), "grey.tif")
+    assert (
+        texels[..., 0].tolist() == texels[..., 2].tolist() == [[0, 128, 255, 255], [0, 51, 0, 255]]
+    )
+    assert (texels[..., 3] == 255).all()
