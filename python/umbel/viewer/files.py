@@ -42,5 +42,9 @@ def served_name(asset: Path) -> str:
 
 
 def address_of(asset: Path) -> str:
-    """That name as a relative address, with what means something there encoded."""
-    return re.sub("[#?%]", lambda found: urllib.parse.quote(found.group()), served_name(asset))
+    """That name as a relative address, with what means something there, or gets lost, encoded."""
+    return re.sub(
+        r"[#?%:\\\x00-\x1f]|^ +",
+        lambda found: urllib.parse.quote(found.group()),
+        served_name(asset),
+    )

@@ -285,17 +285,25 @@ def test_a_disk_that_is_full_leaves_no_folder(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["a #1", "100%", "why?", "a%20b"])
+def _in_browsers(address: str) -> str:
+    """The path of a relative address as browsers read it, which is not as urllib does."""
+    assert not re.match("[a-z][a-z0-9+.-]*:", address, re.IGNORECASE), "it has a scheme"
+    return urlsplit(re.sub("[\t\n\r]", "", address.strip(" ")).replace("\\", "/")).path
+
+
+@pytest.mark.parametrize(
+    "name", ["a #1", "100%", "why?", "a%20b", "scan-12:30", "a\\b", "a\tb\n", "  a b"]
+)
 def test_names_with_signs_of_addresses(asset: Path, tmp_path: Path, name: str) -> None:
     odd = tmp_path / f"{name}.umbel"
     odd.write_bytes(asset.read_bytes())
     index = umbel.export_viewer(odd, tmp_path / "site")
     found = re.search('data-asset="([^"]*)"', index.read_text(encoding="utf-8"))
-    assert found and unquote(urlsplit(found[1]).path) == odd.name
+    assert found and unquote(_in_browsers(found[1])) == odd.name
     shown = umbel.view(odd)
     try:
         [address] = parse_qs(urlsplit(shown.url).query)["asset"]
-        parts = urlsplit(urljoin(shown.url, address.replace(" ", "%20")))
+        parts = urlsplit(urljoin(shown.url, _in_browsers(address).replace(" ", "%20")))
         connection = http.client.HTTPConnection(parts.netloc, timeout=60)
         connection.request("GET", parts.path)
         assert connection.getresponse().read() == asset.read_bytes()
