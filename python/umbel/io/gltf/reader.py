@@ -35,7 +35,7 @@ from umbel.io.gltf.materials import read_material
 from umbel.io.gltf.nodes import Nodes, instance_matrices
 from umbel.io.gltf.schema import check_schema
 from umbel.io.gltf.tree import Tree
-from umbel.io.polygons import strips
+from umbel.io.polygons import fans, strips
 from umbel.io.scene import NO_MATERIAL, Instance, Part, Scene, join, place_skins, with_default
 
 _DRACO = "KHR_draco_mesh_compression"
@@ -198,7 +198,10 @@ class _Reader:
             if mode == _TRIANGLES and len(corners) % 3:
                 self.lost.append(f"indices of {name} after the last whole triangle")
             is_draco = _DRACO in (primitive.get("extensions") or {})
-            triangles = _triangulated(corners, _TRIANGLES if is_draco else mode)
+            mode = _TRIANGLES if is_draco else mode
+            count = len(blocks[block].positions)
+            restart = None if mode == _TRIANGLES else self._restart(primitive, count)
+            triangles = _triangulated(corners, mode, restart)
             ids = np.full(len(triangles), NO_MATERIAL if material is None else material, np.uint32)
             parts.append((block, triangles, ids if self.materials else None))
         if not parts:
@@ -208,6 +211,14 @@ class _Reader:
         name, extras = str(entry.get("name", "")), entry.get("extras")
         mesh = join(blocks, parts)
         return replace(mesh, name=name, extras=extras, coordinates=dict(GLTF))
+
+    def _restart(self, primitive: Json, vertices: int) -> int | None:
+        """The index that begins another strip or fan: glTF forbids the largest of a type, with
+        which graphics cards do so. None where it is a vertex."""
+        if "indices" not in primitive:
+            return None
+        largest = int(np.iinfo(self.buffers.array(primitive["indices"], "indices")[0].dtype).max)
+        return largest if largest >= vertices else None
 
     def _primitive(
         self,
@@ -324,16 +335,15 @@ def _skin(
     return np.where(weight != 0, joint, np.uint32(0)), weight
 
 
-def _triangulated(corners: UInt32Array, mode: int) -> UInt32Array:
+def _triangulated(corners: UInt32Array, mode: int, restart: int | None) -> UInt32Array:
     if mode == _TRIANGLES:
         whole = len(corners) - len(corners) % 3
         return corners[:whole].reshape(-1, 3)
-    if len(corners) < 3:
-        return np.zeros((0, 3), np.uint32)
     if mode == _STRIP:
-        return strips(np.array([len(corners)]), corners, restart=None)
-    hub = np.full(len(corners) - 2, corners[0])
-    return np.stack([corners[1:-1], corners[2:], hub], axis=1)
+        return strips(np.array([len(corners)]), corners, restart)
+    breaks = np.array([-1, *np.flatnonzero(corners == restart).tolist(), len(corners)])
+    polygons, _ = fans(np.diff(breaks) - 1)
+    return np.roll(corners[corners != restart][polygons], -1, axis=1)
 
 
 def _apply_morph(

@@ -124,6 +124,32 @@ def test_texture_coordinates_keep_their_sets_where_earlier_ones_are_not_there(
     assert again.materials[0].images["normal"].encoded() == (tmp_path / "n.png").read_bytes()
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.uint32])
+@pytest.mark.parametrize(
+    ("mode", "expected"),
+    [
+        (5, [[0, 1, 2], [2, 1, 3], [3, 4, 5], [5, 4, 6]]),
+        (6, [[1, 2, 0], [2, 3, 0], [4, 5, 3], [5, 6, 3]]),
+    ],
+)
+def test_strips_and_fans_begin_anew_after_the_largest_index(
+    tmp_path: Path, kind: Any, mode: int, expected: list[list[int]]
+) -> None:
+    b = GltfBuilder()
+    p = np.random.default_rng(1).random((7, 3)).astype(np.float32)
+    end = np.iinfo(kind).max
+    indices = np.array([end, 0, 1, 2, 3, end, 5, 6, end, end, 3, 4, 5, 6, end], kind)
+    mesh = read(tmp_path, one(b.primitive({"POSITION": p}, indices, mode=mode), builder=b))
+    assert mesh.triangles.tolist() == expected
+
+
+def test_the_largest_index_may_be_a_vertex(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    p = np.random.default_rng(1).random((256, 3)).astype(np.float32)
+    strip = b.primitive({"POSITION": p}, np.array([0, 1, 255, 2], np.uint8), mode=5)
+    assert read(tmp_path, one(strip, builder=b)).triangles.tolist() == [[0, 1, 255], [255, 1, 2]]
+
+
 def test_indices_beyond_the_vertices_pass_for_validation_to_find(tmp_path: Path) -> None:
     b = GltfBuilder()
     wrong = INDICES.copy()
