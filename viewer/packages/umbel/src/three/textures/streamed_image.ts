@@ -45,6 +45,8 @@ export class StreamedImage implements PlannedImage {
   private readonly levels: ImageLevel[];
   private readonly textures: ImageTexture[] = [];
   private decoded: DecodedImage | undefined;
+  /** That of the decoded copy: textures with the same sampler share their memory on the GPU by it. */
+  private source: Texture["source"] | undefined;
   /** Width times height, over the longer side squared. */
   private shape = 1;
 
@@ -108,15 +110,12 @@ export class StreamedImage implements PlannedImage {
   show(image: DecodedImage): void {
     const before = this.decoded;
     this.decoded = image;
+    this.source = undefined;
     this.size = sizeOf(image);
     if (this.kept && this.kept.level.size <= this.size) this.kept = undefined;
-    let shared: Texture["source"] | undefined;
     for (const showing of this.textures) {
       showing.texture.dispose();
       showing.texture = this.make(image, showing);
-      // Textures with the same sampler share their memory on the GPU.
-      shared ??= showing.texture.source;
-      showing.texture.source = shared;
       assignToSlots(showing);
     }
     if (before && before !== image) close(before);
@@ -136,6 +135,10 @@ export class StreamedImage implements PlannedImage {
     applySampler(texture, sampler, info, isColor);
     if (isCompressed) texture.generateMipmaps = false;
     texture.needsUpdate = true;
+    if (image === this.decoded) {
+      this.source ??= texture.source;
+      texture.source = this.source;
+    }
     return texture;
   }
 
