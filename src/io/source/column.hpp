@@ -57,7 +57,8 @@ template <typename Work>
 void with_type(Scalar type, const Work& work) {
   const auto number = static_cast<size_t>(type);
   [&]<size_t... i>(std::index_sequence<i...>) {
-    ((number == i && (work(std::tuple_element_t<i, ScalarTypes>{}), true)) || ...);
+    static_cast<void>(
+        ((number == i && (work(std::tuple_element_t<i, ScalarTypes>{}), true)) || ...));
   }(std::make_index_sequence<std::tuple_size_v<ScalarTypes>>{});
 }
 
