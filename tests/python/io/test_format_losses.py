@@ -12,6 +12,7 @@ from PIL import Image
 
 import umbel
 from helpers.meshes import linear
+from umbel.io.scene import Instance, Scene
 from umbel.io.textures.images import TextureImage
 from umbel.io.textures.packed import Made, packed
 
@@ -376,3 +377,21 @@ def test_that_no_format_has_a_reference_system_is_said(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         umbel.save(tmp_path / "a.ply", extracted)  # which then stands beside what is said
+
+
+@pytest.mark.parametrize("extension", [".obj", ".ply"])
+def test_names_and_extras_of_several_meshes_are_lost_with_a_word(
+    tmp_path: Path, extension: str
+) -> None:
+    meshes = [square(umbel.Material()) for _ in range(2)]
+    meshes[0].name, meshes[1].extras = "left", {"side": 2}
+    instances = [Instance(0), Instance(1)]
+    scene = Scene(meshes, meshes[0].materials, instances, "pair")
+    with pytest.warns(umbel.LoadWarning, match="extras; names of the scene and its meshes"):
+        umbel.save(tmp_path / f"a{extension}", scene)
+    meshes[0].name, meshes[1].extras = "", None
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        umbel.save(tmp_path / f"a{extension}", scene)
+    assert not any("extras" in str(one.message) for one in caught)
+    assert not any("names" in str(one.message) for one in caught)
