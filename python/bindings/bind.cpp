@@ -70,7 +70,10 @@ bool PythonProgress::report(float fraction, std::string_view stage) {
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
     if (callback_.is_none()) return true;
     const nb::object answer = callback_(fraction, nb::str(stage.data(), stage.size()));
-    return !answer.is(nb::bool_(false));
+    if (answer.is_none() || PyBool_Check(answer.ptr())) return !answer.is(nb::bool_(false));
+    // Comparisons with numbers of NumPy give its own kind of bool.
+    return !nb::isinstance(answer, nb::module_::import_("numpy").attr("bool_")) ||
+           PyObject_IsTrue(answer.ptr()) != 0;
   } catch (...) {
     raised_ = std::current_exception();
     return false;

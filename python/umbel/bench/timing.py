@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 from umbel import _umbel
 from umbel.bench.peers import meshoptimizer_version
 from umbel.errors import Cancelled
-from umbel.geometry.repair import Progress
+from umbel.geometry.repair import Progress, stops
 
 RESOLUTION = 1e-6  # seconds: the clock's; anything faster took this
 BUSY_LOAD = 0.25  # of a core: more than this was going on beside the benchmark
@@ -42,7 +42,7 @@ class Span:
         if self._progress is None:
             return
         done = self._begin + (self._end - self._begin) * fraction
-        if self._progress(done, f"{self._name}: {what}") is False:
+        if stops(self._progress(done, f"{self._name}: {what}")):
             raise Cancelled("cancelled")
 
 

@@ -15,7 +15,7 @@ from umbel.export.piece import Doubles
 from umbel.export.plan import Grid
 from umbel.export.repeats import Repeat, Repeats
 from umbel.export.source import Y_TO_Z, Source, copyright_of, material_list, source_name
-from umbel.geometry.repair import Progress
+from umbel.geometry.repair import Progress, stops
 from umbel.io.files import write_all
 from umbel.io.gltf.material_table import MaterialTable
 from umbel.lod.asset import Asset
@@ -67,7 +67,7 @@ def export_glb(
     step = grid.side / _STEPS
     levels, errors = [], []
     for error, share in _errors(made, asset.path):
-        if report(share, "reading levels") is False:
+        if stops(report(share, "reading levels")):
             raise Cancelled("cancelled")
         several = repeats.of(np.arange(len(made.boxes)), error, corner, step) if repeats else []
         rest = np.ones(len(made.boxes), bool)

@@ -22,7 +22,7 @@ from umbel.export.skirts import with_skirts
 from umbel.export.source import Y_TO_Z, Source, copyright_of, material_list
 from umbel.export.tileset import implicit_error, subtrees, tileset
 from umbel.geometry.arrays import thread_count, whole
-from umbel.geometry.repair import Progress
+from umbel.geometry.repair import Progress, stops
 from umbel.io.gltf.material_table import FEWER, MaterialTable
 from umbel.io.textures.images import TextureImage
 from umbel.io.textures.packed import Made, packed
@@ -127,14 +127,14 @@ class _Writer:
         self, most: int, implicit_above: int, threads: int, progress: Progress | None
     ) -> TilesReport:
         report = progress or (lambda *_: None)
-        if report(0.0, "choosing tiles") is False:
+        if stops(report(0.0, "choosing tiles")):
             raise Cancelled("cancelled")
         plan = make_plan(self.source, most)
         tiles = self._whole_instances(plan, implicit_above)
         for done, (tile, chunks) in enumerate(self._contents(plan, tiles, threads)):
             if chunks:
                 self._file(f"tiles/{tile.name}.glb", chunks)
-            if report(done / len(tiles), "writing tiles") is False:
+            if stops(report(done / len(tiles), "writing tiles")):
                 raise Cancelled("cancelled")
         plan.prune()
         if plan.root.box is None and not plan.root.children:

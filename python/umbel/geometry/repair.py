@@ -15,10 +15,15 @@ from umbel.errors import Error
 from umbel.geometry.arrays import about, as_mesh, mesh_of, native, number, rows, thread_count
 from umbel.geometry.mesh import Mesh
 
-Progress = Callable[[float, str], "bool | None"]
+Progress = Callable[[float, str], "bool | np.bool_ | None"]
 
 DROPS = "drop_invalid=True leaves such triangles out"
 """What helps where a build refuses a mesh."""
+
+
+def stops(answer: object) -> bool:
+    """Whether a progress callback that gave this wants no more: False, also NumPy's."""
+    return isinstance(answer, (bool, np.bool_)) and not answer
 
 
 def validate(mesh: Any, *, progress: Progress | None = None, threads: int = 0) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
 from umbel.errors import Error
 from umbel.geometry.repair import Progress
 
@@ -25,7 +27,7 @@ class WatchedFiles:
         for file in files:
             self._stamps.setdefault(file, _stamp(file))
 
-    def __call__(self, fraction: float, stage: str) -> bool | None:
+    def __call__(self, fraction: float, stage: str) -> bool | np.bool_ | None:
         if self._stamps and stage not in _READING:
             changed = [file for file, stamp in self._stamps.items() if _stamp(file) != stamp]
             if changed:

@@ -179,8 +179,11 @@ def test_progress_is_told_and_may_cancel(blob: Mesh) -> None:
     told: list[float] = []
     umbel.Bvh(blob, progress=lambda fraction, stage: told.append(fraction) if stage else False)
     assert told == sorted(told) and told[-1] == 1.0
-    with pytest.raises(umbel.Cancelled):
-        umbel.Bvh(blob, progress=lambda fraction, stage: False)
+    for stop in (False, np.False_):  # comparisons with numbers of NumPy give the second
+        with pytest.raises(umbel.Cancelled):
+            umbel.Bvh(blob, progress=lambda fraction, stage, stop=stop: stop)
+    for go_on in (True, np.True_, None, 0):
+        umbel.Bvh(blob, progress=lambda fraction, stage, go_on=go_on: go_on)
 
     def fail(fraction: float, stage: str) -> None:
         raise KeyError(stage)

@@ -172,9 +172,9 @@ def test_means_are_geometric() -> None:
 def test_a_comparison_can_be_cancelled() -> None:
     told: list[float] = []
 
-    def progress(fraction: float, _what: str) -> bool:
+    def progress(fraction: float, _what: str) -> np.bool_:
         told.append(fraction)
-        return len(told) < 4
+        return np.int64(len(told)) < 4
 
     with pytest.raises(umbel.Cancelled):
         compare({"grid": lambda: umbel.shapes.grid(9, 9)}, runs=2, progress=progress)

@@ -80,7 +80,7 @@ def test_what_fails_leaves_nothing(
     asset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(umbel.Cancelled):
-        umbel.export_glb(asset, tmp_path / "a.glb", progress=lambda f, _: f < 0.4)
+        umbel.export_glb(asset, tmp_path / "a.glb", progress=lambda f, _: f < np.float64(0.4))
     with pytest.raises(umbel.Error, match=r"\.glb"):
         umbel.export_glb(asset, tmp_path / "a.gltf")
     monkeypatch.setattr("umbel.export.lod_glb.MOST_TRIANGLES", 100)

@@ -384,7 +384,7 @@ def test_what_fails_leaves_nothing(
     asset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(umbel.Cancelled):
-        umbel.export_tiles(asset, tmp_path / "t", progress=lambda f, _: f < 0.4)
+        umbel.export_tiles(asset, tmp_path / "t", progress=lambda f, _: f < np.float64(0.4))
     assert not list(tmp_path.iterdir())
     real, count = Path.open, 0
 
