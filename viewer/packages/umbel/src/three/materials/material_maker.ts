@@ -117,8 +117,18 @@ export function makeMaterial(
   });
   for (const [name, set] of Object.entries(PHYSICAL))
     if (isJson(extensions[name])) Object.assign(material, set(jsonOf(extensions[name])));
+  setThicknessRange(material);
   if (!layout.tangents) flipNormalMaps(material);
   return material;
+}
+
+/** Before r187 three.js takes the thicknesses of iridescence from an array. */
+function setThicknessRange(material: MeshStandardMaterial): void {
+  if (!Object.hasOwn(material, "iridescenceThicknessRange")) return;
+  const { iridescenceThicknessMinimum: least, iridescenceThicknessMaximum: most } =
+    material as MeshPhysicalMaterial;
+  if (least !== undefined && most !== undefined)
+    Object.assign(material, { iridescenceThicknessRange: [least, most] });
 }
 
 /** three.js derives bitangents from texture coordinates; they are the opposite of glTF's. */
