@@ -37,7 +37,10 @@ def read_material(entry: Json, image: Callable[[Any], TextureImage | None]) -> M
     """A material of a file; `image` gives that of the texture at an index, where there is one."""
     pbr = entry.get("pbrMetallicRoughness") or {}
     extensions = copy.deepcopy(entry.get("extensions") or {})
-    strength = (extensions.pop(_STRENGTH, None) or {}).get("emissiveStrength", 1)
+    strong = extensions.pop(_STRENGTH, None) or {}
+    strength = strong.pop("emissiveStrength", 1)
+    if strong:  # extras
+        extensions[_STRENGTH] = strong
     emissive = _color(entry.get("emissiveFactor"), (0.0, 0.0, 0.0))
     mode = entry.get("alphaMode")
     material = Material(
@@ -110,7 +113,7 @@ def write_material(material: Material, reference: Reference | None = None) -> Js
     if any(emissive):
         entry["emissiveFactor"] = [v / strength for v in emissive]
     if strength > 1.0:
-        extensions[_STRENGTH] = {"emissiveStrength": strength}
+        extensions[_STRENGTH] = {**extensions.get(_STRENGTH, {}), "emissiveStrength": strength}
     if material.double_sided:
         entry["doubleSided"] = True
     if material.alpha_mode != "OPAQUE":

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-_COMMON = frozenset({"name", "extensions", "extras"})
+_COMMON = frozenset({"extensions", "extras"})
 #: Allowed names by the path of the object, "*" for every item of an array.
 _NAMES = {
     "": "asset extensionsUsed extensionsRequired scene scenes nodes meshes accessors bufferViews "
@@ -31,7 +31,11 @@ _NAMES = {
     "samplers/*": "magFilter minFilter wrapS wrapT",
     "skins/*": "inverseBindMatrices skeleton joints",
 }
-_ALLOWED = {path: _COMMON | frozenset(names.split()) for path, names in _NAMES.items()}
+#: What is in the file's own tables may have a name.
+_ALLOWED = {
+    path: _COMMON | set(names.split()) | ({"name"} if path.count("/") == 1 else set())
+    for path, names in _NAMES.items()
+}
 
 
 def unknown_properties(root: dict[str, Any]) -> Iterator[str]:

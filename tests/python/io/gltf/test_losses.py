@@ -95,6 +95,15 @@ def test_nodes_that_the_scene_does_not_have(tmp_path: Path) -> None:
         open_source(tmp_path / "mesh.glb", tmp_path)
 
 
+def test_names_where_gltf_has_none(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.root["materials"] = [{"name": "m", "pbrMetallicRoughness": {"name": "p"}}]
+    primitive = b.primitive({"POSITION": TETRA_POSITIONS}, INDICES, material=0, name="q")
+    b.scene(b.node(mesh=b.mesh(primitive, name="mesh"), name="n"))
+    names = "materials[0].pbrMetallicRoughness.name, meshes[0].primitives[0].name"
+    assert lost(tmp_path, b) == f"{names}, which glTF does not have"
+
+
 def test_numbers_that_json_does_not_have(tmp_path: Path) -> None:
     b = GltfBuilder()
     b.scene(b.node(mesh=b.tetra(), extras={"a": float("nan"), "b": [-float("inf"), 1]}))

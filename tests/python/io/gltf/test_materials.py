@@ -19,6 +19,7 @@ from helpers.mesh_files import (
 from umbel import Asset, Material, Mesh, build_lod
 from umbel.errors import LoadWarning
 from umbel.io import load, save
+from umbel.io.gltf.materials import read_material, write_material
 
 
 def test_materials_are_read(tmp_path: Path) -> None:
@@ -147,3 +148,19 @@ def test_factors_that_gltf_forbids_are_changed_with_a_warning(
         build_lod(mesh).save(tmp_path / "a.umbel")
     says = "written without: factors of materials outside 0 to 1, which become 0 or 1"
     assert [str(w.message).endswith(says) for w in caught] == [True, True] * changes
+
+
+def test_extras_of_the_strength_of_emission_are_kept(tmp_path: Path) -> None:
+    for strength in (0.5, 4.0):
+        b = GltfBuilder()
+        said = {"emissiveStrength": strength, "extras": {"unit": "nits"}}
+        b.root["materials"] = [
+            {"emissiveFactor": [1, 1, 1], "extensions": {"KHR_materials_emissive_strength": said}}
+        ]
+        one(b.primitive({"POSITION": TETRA_POSITIONS}, INDICES, material=0), builder=b)
+        [material] = read(tmp_path, b).materials
+        assert material.emissive == (strength,) * 3
+        again = read_material(write_material(material), lambda _: None)
+        assert again.emissive == material.emissive
+        kept = write_material(again)["extensions"]["KHR_materials_emissive_strength"]
+        assert kept == (said if strength > 1 else {"extras": said["extras"]})
