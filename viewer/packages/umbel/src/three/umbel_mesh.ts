@@ -45,7 +45,7 @@ export interface UmbelMeshOptions {
   pixelError?: number;
   /** Factor on `pixelError` outside of the view volume; 4 by default. */
   offscreen?: number;
-  /** Folder of basis_transcoder.js and .wasm, for KTX2; three.js's own by default. */
+  /** Folder of basis_transcoder.js and .wasm, for KTX2; three.js's own by default, from r185 on. */
   basisPath?: string;
 }
 

@@ -24,9 +24,13 @@ const OPTIONS = { colorSpaceConversion: "none", premultiplyAlpha: "none" } as co
 
 export class ImageDecoder {
   private ktx2: Promise<KTX2Loader> | undefined;
+  private readonly basisPath: string;
 
   /** @param basisPath folder of basis_transcoder.js and .wasm; "" is three.js's own */
-  constructor(private readonly basisPath: string) {}
+  constructor(basisPath: string) {
+    // three.js puts the names right behind it.
+    this.basisPath = basisPath.replace(/[^/]$/, "$&/");
+  }
 
   /** Rejects if the bytes are not an image of a supported kind. */
   async decode(bytes: Uint8Array, renderer: WebGLRenderer): Promise<DecodedImage> {
