@@ -17,6 +17,7 @@ _PLAIN = {"POSITION", "NORMAL", "TANGENT", "COLOR_0", *(f"TEXCOORD_{k}" for k in
 _UNSIGNED = (5121, 5123, 5125)
 _PLACES = {"TRANSLATION", "ROTATION", "SCALE"}
 _READ = {"KHR_draco_mesh_compression", *MESHOPT}
+_INSTANCING = "EXT_mesh_gpu_instancing"
 _SHOWN = 5  # names in a warning
 
 
@@ -48,6 +49,8 @@ def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[
         yield f"the alphaMode {', '.join(map(repr, sorted(modes)))}, which is none of glTF's"
     bases = [m.get("pbrMetallicRoughness") or {} for m in materials]
     data = [e for table in ("accessors", "bufferViews", "buffers") for e in root.get(table) or []]
+    sparse = [entry["sparse"] for entry in root.get("accessors") or [] if "sparse" in entry]
+    data += [*sparse, *(e[key] for e in sparse for key in ("indices", "values") if key in e)]
     parts = [*shown, *meshes, *(root.get("skins") or []), *bases, *data]
     inside = {e for part in parts for e in part.get("extensions") or {}} - _READ
     if inside | extensions:
@@ -59,6 +62,9 @@ def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[
     ):
         if any("extras" in holder for holder in holders):
             yield f"the extras of {what}"
+    beside = set(_beside(root, nodes))
+    if beside:
+        yield ", ".join(sorted(beside))
     scenes = len(root.get("scenes") or [])
     if scenes > 1:
         yield f"{scenes - 1} other scenes" if scenes > 2 else "another scene"
@@ -115,9 +121,23 @@ def _is_whole(accessor: int, root: Json) -> bool:
     return accessor < len(known) and known[accessor].get("componentType") in _UNSIGNED
 
 
+def _beside(root: Json, nodes: list[Json]) -> Iterator[str]:
+    """What extensions that are read for one property have beside it: those that give instances, or
+    the image of a texture."""
+    textures = root.get("textures")
+    held = [(node, "attributes") for node in nodes]
+    held += [(one, "source") for one in (textures if isinstance(textures, list) else ())]
+    for entry, known in held:
+        extensions = entry.get("extensions") if isinstance(entry, dict) else None
+        for name, extension in extensions.items() if isinstance(extensions, dict) else ():
+            is_read = isinstance(extension, dict) and isinstance(extension.get(known), int)
+            if is_read or name == _INSTANCING:
+                yield from (f"{key} of {name}" for key in extension if key != known)
+
+
 def _instanced(node: Json) -> Json:
     """The attributes of a node's instances."""
-    extension = (node.get("extensions") or {}).get("EXT_mesh_gpu_instancing") or {}
+    extension = (node.get("extensions") or {}).get(_INSTANCING) or {}
     return extension.get("attributes") or {}
 
 

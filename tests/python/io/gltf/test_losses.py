@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import umbel
 from helpers.gltf_builder import INDICES, GltfBuilder, one, read
@@ -93,6 +95,25 @@ def test_nodes_that_the_scene_does_not_have(tmp_path: Path) -> None:
     assert lost(tmp_path, b) == "3 nodes that the scene does not have"
     with pytest.warns(LoadWarning, match="3 nodes that the scene does not have"):
         open_source(tmp_path / "mesh.glb", tmp_path)
+
+
+def test_extras_within_extensions_and_sparse_accessors(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    moved = {"attributes": {"TRANSLATION": b.accessor(np.float32([[0, 0, 0], [2, 0, 0]]))}}
+    instancing = {"EXT_mesh_gpu_instancing": {**moved, "extras": {"seed": 7}}}
+    pixels = io.BytesIO()
+    Image.new("RGB", (2, 2)).save(pixels, "WEBP")
+    b.root["images"] = [{"bufferView": b.view(pixels.getvalue())}]
+    b.root["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 0, "extras": {"a": 1}}}}]
+    b.root["materials"] = [{"normalTexture": {"index": 0}}]
+    b.scene(b.node(mesh=b.tetra(), extensions=instancing))
+    indices = {"bufferView": b.view(bytes(4)), "componentType": 5125, "extras": {"b": 2}}
+    values = {"bufferView": b.view(bytes(12))}
+    b.root["accessors"][1]["sparse"] = {"count": 1, "indices": indices, "values": values}
+    assert lost(tmp_path, b) == (
+        "the extras of accessors and buffers; "
+        "extras of EXT_mesh_gpu_instancing, extras of EXT_texture_webp"
+    )
 
 
 def test_names_where_gltf_has_none(tmp_path: Path) -> None:
