@@ -1,6 +1,10 @@
 import { Camera, Matrix4, OrthographicCamera, PerspectiveCamera, Vector3 } from "three";
 import { describe, expect, test } from "vitest";
-import { isSphereOutside, mustRefine } from "../../../packages/umbel/src/select/select.js";
+import {
+  isSphereOutside,
+  mustRefine,
+  timesTooLarge,
+} from "../../../packages/umbel/src/select/select.js";
 import {
   isSamePose,
   pixelsPerUnit,
@@ -68,6 +72,8 @@ test.each([
   const allowed = view.kind === "error" ? view.error : view.threshold * 3.9;
   expect([0, 1].map((i) => mustRefine(spheres, i, 1.01 * allowed, 0, view))).toEqual([true, false]);
   expect([0, 1].map((i) => mustRefine(spheres, i, 4.01 * allowed, 0, view))).toEqual([true, true]);
+  expect(timesTooLarge(spheres, 0, 4.01 * allowed, view)).toBeCloseTo(4.01, 4);
+  expect(timesTooLarge(spheres, 1, 4.01 * allowed, view)).toBeCloseTo(4.01 / 4, 4);
 });
 
 test.each([

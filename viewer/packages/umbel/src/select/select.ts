@@ -78,9 +78,14 @@ export function mustRefine(
 ): boolean {
   if (error === Infinity) return true;
   if (view.kind === "level") return level >= view.level;
+  return error > allowedError(spheres, i, view);
+}
+
+/** The error that a view allows at sphere `i`. */
+function allowedError(spheres: Spheres, i: number, view: CameraView | ErrorView): number {
   const factor = factorOf(spheres, i, view);
-  if (view.kind === "error") return error > f(view.error * factor);
-  return error > f(f(view.threshold * factor) * distanceOutside(spheres, i, view.eye));
+  if (view.kind === "error") return f(view.error * factor);
+  return f(f(view.threshold * factor) * distanceOutside(spheres, i, view.eye));
 }
 
 /** The factor on the error that a view allows at sphere `i`. */
@@ -121,10 +126,7 @@ export function isNodeOutside(planes: ArrayLike<number>, spheres: Spheres, i: nu
 export function timesTooLarge(spheres: Spheres, i: number, error: number, view: View): number {
   if (view.kind === "level") return 1;
   if (!mustRefine(spheres, i, error, 0, view)) return 0;
-  const allowed =
-    view.kind === "error"
-      ? f(view.error)
-      : f(f(view.threshold) * distanceOutside(spheres, i, view.eye));
+  const allowed = allowedError(spheres, i, view);
   return Math.min(error / Math.max(allowed, 1.1754943508222875e-38), 1e6);
 }
 
