@@ -40,7 +40,8 @@ struct DynamicQuality {
 /// may run at the same time from any number of threads, but not beside a change.
 class UMBEL_API DynamicTree {
  public:
-  explicit DynamicTree(const CostModel& cost = {});  ///< no primitives
+  /// Without primitives. Throws kInvalidArgument where a cost is not positive and finite.
+  explicit DynamicTree(const CostModel& cost = {});
   ~DynamicTree();
   DynamicTree(DynamicTree&&);  ///< may throw std::bad_alloc: what is moved from stays usable
   DynamicTree& operator=(DynamicTree&&) noexcept;

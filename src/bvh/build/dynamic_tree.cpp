@@ -117,6 +117,7 @@ void DynamicTree::Data::take(const Bvh2& built, std::span<const Aabb> boxes,
 }
 
 DynamicTree::DynamicTree(const CostModel& cost) : data_(std::make_unique<Data>()) {
+  check_cost(cost);
   data_->cost = cost;
   data_->tree.track();
 }

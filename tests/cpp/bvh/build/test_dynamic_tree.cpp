@@ -278,6 +278,7 @@ TEST(DynamicTree, refuses_what_is_not_there_and_stays_as_it_was) {
   EXPECT_THROW(tree.move(number, Aabb{}), Error);
   EXPECT_THROW(tree.box(7), Error);
   EXPECT_THROW(tree.snapshot(0), Error);
+  EXPECT_THROW(DynamicTree({0, 2}), Error);
   const uint32_t numbers[] = {number};
   EXPECT_THROW(tree.refit(numbers, {}), Error);
   expect_holds(tree, {{number, box}});
