@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/parallel.hpp"
+#include "bvh/tree/config.hpp"
 #include "kdtree/cell_nodes.hpp"
 #include "kdtree/ray_kernels.hpp"
 #include "query/leaf_store.hpp"
@@ -91,6 +92,7 @@ KdTree KdTree::build(const MeshView& mesh, const KdTreeConfig& config,
 KdTree KdTree::of(const Tree& tree, const MeshView& mesh, const KdTreeConfig& config,
                   std::span<const uint32_t> masks, const BuildOptions& options) {
   check_traversal(config.traversal);
+  bvh::check_cost(config.tree.cost);
   check_masks(masks, mesh.triangles.size());
   MeshView geometry;
   geometry.positions = mesh.positions;

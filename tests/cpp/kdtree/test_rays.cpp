@@ -233,6 +233,9 @@ TEST(KdTreeRays, refuses_what_does_not_fit) {
   EXPECT_THROW(kdtree::traversal_by_name("teleport"), Error);
   EXPECT_EQ(kdtree::traversal_by_name("ropes"), Traversal::kRopes);
   kdtree::Tree other = kdtree::build(mesh.view());
+  KdTreeConfig config;
+  config.tree.cost.traversal = 0;  // no file of such a tree could be read
+  EXPECT_THROW(KdTree::of(other, mesh.view(), config), Error);
   other.references[0] = 500;
   EXPECT_THROW(KdTree::of(other, mesh.view()), Error);
 }
