@@ -77,6 +77,25 @@ describe("an HTTP source", () => {
     expect(requests).toEqual(["bytes=10-14", "", ""]);
   });
 
+  test("asks for ranges again after a failure, if the host compresses only whole files", async () => {
+    const { requests, get } = host();
+    let failures = 0;
+    const source = new HttpSource(URL, {
+      fetch: async (url, init) => {
+        const response = await get(url, init);
+        if (failures-- > 0) throw new TypeError("no network");
+        if (requests.at(-1)) return response;
+        return new Response(BYTES, { headers: { "Content-Encoding": "gzip" } });
+      },
+      delay: 1,
+    });
+    await source.read(10, 5);
+    failures = 1;
+    expect(await source.read(900, 500)).toEqual(BYTES.slice(900));
+    expect(requests).toEqual(["bytes=10-14", "bytes=900-1399", "bytes=900-1399"]);
+    expect(source.fetched).toBe(105);
+  });
+
   test("names the reason why a page may not read what another host has", async () => {
     const message = async (origin: string) => {
       vi.stubGlobal("location", { origin });

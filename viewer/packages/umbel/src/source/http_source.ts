@@ -25,7 +25,7 @@ export class HttpSource implements ByteSource {
   private readonly aborter = new AbortController();
   private download: Download | undefined;
   private isLost = false;
-  /** Whether the host compresses the file; undefined until that is asked. */
+  /** Whether the host compresses the file whatever is asked for; undefined until that is known. */
   private isCompressed: boolean | undefined;
   /** Bytes of the file, once an answer has told. */
   private total: number | undefined;
@@ -76,7 +76,10 @@ export class HttpSource implements ByteSource {
     const response = await patientFetch(this.url, { headers, signal }, this.options).catch(
       (error: unknown) => this.compressed(error),
     );
-    if (response.status === 206) return this.part(response, offset, length);
+    if (response.status === 206) {
+      this.isCompressed = false;
+      return this.part(response, offset, length);
+    }
     if (response.status === 200) {
       // Simultaneous requests share the first download.
       if (this.download) await response.body?.cancel();
