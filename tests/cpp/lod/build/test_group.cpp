@@ -127,6 +127,26 @@ Clusters grouped(const Scene& scene, const Config& config) {
   return grouper.group(scene.clusters, locked, config);
 }
 
+TEST(Grouper, rounds_of_other_clusters_before_change_nothing) {
+  Scene scene(with_seam());
+  const Clusters alone = grouped(scene, Scene::config());
+  Config finer = Scene::config();
+  finer.max_triangles = 8;
+  ClusterSet more;
+  std::vector<Sphere> spheres;
+  clusterise_source(scene.source, finer, more, spheres);
+  ASSERT_GT(more.size(), 3 * scene.clusters.size());
+  const std::vector<uint8_t> locked(scene.source.mesh.positions.size(), 0);
+  Grouper grouper(scene.source);
+  grouper.grow();
+  for (int round = 0; round < 3; ++round) {
+    const Clusters after = grouper.group(scene.clusters, locked, Scene::config());
+    EXPECT_EQ(after.items, alone.items);
+    EXPECT_TRUE(std::ranges::equal(after.ranges, alone.ranges));
+    grouper.group(more, locked, Scene::config());
+  }
+}
+
 Config small_groups() {
   Config config;
   config.min_group = 4;
