@@ -19,6 +19,7 @@ namespace umbel::capi {
 /// The caller's config; the defaults where `config` is NULL.
 BvhConfig bvh_config(const umbel_bvh_config* config);
 umbel_bvh_config as_c(const BvhConfig& config);
+
 /// The settings of k-means in a config for either processor.
 template <typename Given>
 bvh::KmeansConfig kmeans_config(const Given& given) {
