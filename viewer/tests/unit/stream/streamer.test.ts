@@ -315,6 +315,20 @@ describe("an asset with a tree of instances", () => {
     expect(count()).toBeGreaterThan(before);
   });
 
+  test.each<View>([view, { kind: "error", error: 0.01 }])(
+    "shows less outside of the picture of a view by $kind",
+    async (each) => {
+      const shownOf = async (seen: View) => {
+        const watched = await Watched.open(new MemorySource(FOREST.file), HUGE, FOREST);
+        watched.streamer.setScene({ view: seen, planes: new Float32Array(0) });
+        await watched.until((s) => s.isSettled && s.instances > 0);
+        return watched.last.shownInstances;
+      };
+      const fewer = await shownOf({ ...each, planes, offscreen: 1e6 } as View);
+      expect(fewer).toBeLessThan(0.9 * (await shownOf(each)));
+    },
+  );
+
   test("shows less within a small budget", async () => {
     const watched = await Watched.open(new MemorySource(FOREST.file), 4_000_000, FOREST);
     watched.streamer.setScene({ view, planes });

@@ -255,5 +255,5 @@ function scaled(view: View, scale: number, radius: number): View {
   const times = (error: number, least: number) =>
     scale === 1 ? error : scale * Math.max(error, least);
   if (view.kind === "camera") return { ...view, threshold: times(view.threshold, LEAST) };
-  return view.kind === "error" ? { kind: "error", error: times(view.error, LEAST * radius) } : view;
+  return view.kind === "error" ? { ...view, error: times(view.error, LEAST * radius) } : view;
 }
