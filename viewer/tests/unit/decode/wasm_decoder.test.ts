@@ -146,7 +146,7 @@ describe("the module", () => {
     vi.stubGlobal("fetch", request);
     const compile = vi.spyOn(WebAssembly, "compile");
     for (let at = 0; at < 2 << 20; at += bytes.length) read(header, 0, bytes);
-    await vi.waitFor(() => expect(compile).toHaveBeenCalledOnce());
+    await vi.waitFor(() => expect(compile).toHaveBeenCalledOnce(), 20_000);
     expect(request).toHaveBeenCalledOnce();
   });
 
