@@ -229,6 +229,6 @@ class Bvh(TriangleQueries):
 
 
 def _width(width: int) -> int:
-    if not isinstance(width, (int, float, np.number)) or width not in (2, 4, 8):
+    if getattr(width, "ndim", 0) or width not in (2, 4, 8):
         raise Error(f"width must be 2, 4 or 8, not {width!r}")
     return int(width)

@@ -345,6 +345,11 @@ def test_mistakes_of_builds_are_sentences(options: dict[str, Any], sentence: str
         umbel.Bvh(umbel.shapes.sphere(1), **options)
 
 
+def test_a_width_may_be_any_number() -> None:
+    for width in (4, 4.0, np.uint8(4), np.array(4)):
+        assert umbel.Bvh(umbel.shapes.sphere(1), width=width).statistics()["width"] == 4
+
+
 def test_options_that_there_are_not_are_type_errors() -> None:
     with pytest.raises(TypeError, match="binz"):
         umbel.Bvh(umbel.shapes.sphere(1), binz=16)
