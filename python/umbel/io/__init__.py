@@ -109,9 +109,8 @@ def save(path: str | os.PathLike[str], mesh: object) -> None:
         write_gltf(file, mesh if isinstance(mesh, Scene) else scene_of(Mesh.from_any(mesh)))
         return
     made = Mesh.from_any(mesh)
-    if (
-        isinstance(mesh, Scene) and "meshes" not in made.tree
-    ):  # of several, for what is said of them
+    if isinstance(mesh, Scene) and "meshes" not in made.tree:
+        # Joined meshes leave their names and extras out of the tree; losses are read from it.
         used = dict.fromkeys(instance.mesh for instance in mesh.instances)
         made.tree = made.tree | {"meshes": [mesh.mesh_notes(k) for k in used]}
     check_tree(made.tree, made.name or "the mesh")
