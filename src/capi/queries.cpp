@@ -8,6 +8,7 @@
 
 #include "base/fields.hpp"
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "capi/hand_out.hpp"
 #include "capi/structs.hpp"
 
@@ -96,7 +97,7 @@ umbel_result closest_point(Queried in, const umbel_vec3* points, size_t count, f
     const TriangleQueries& structure = queried(in);
     if (!(max_distance >= 0))
       throw Error(ErrorCode::kInvalidArgument,
-                  "max_distance is " + std::to_string(max_distance) + ", but must not be negative");
+                  "max_distance is " + printed(max_distance) + ", but must not be negative");
     structure.closest_point(elements<const Vec3>(points, count, "points"),
                             elements<ClosestPoint>(results, count, "results"), max_distance,
                             threads);

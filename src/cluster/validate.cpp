@@ -2,28 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
 #include <vector>
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "base/refuse.hpp"
 #include "cluster/source.hpp"
 
 namespace umbel::cluster {
 namespace {
 
-std::string number(float value) {
-  char text[32];
-  snprintf(text, sizeof text, "%g", static_cast<double>(value));
-  return text;
-}
-
 void check_fraction(const char* name, float value) {
   // Written so that NaN fails as well.
   if (!(value >= 0.0f && value <= 1.0f))
-    refuse(std::string(name) + " must be within [0, 1], not " + number(value));
+    refuse(std::string(name) + " must be within [0, 1], not " + printed(value));
 }
 
 void check_connections(const ClusterInput& input) {
@@ -53,7 +47,7 @@ void check_connections(const ClusterInput& input) {
   for (size_t i = 0; i < c.weights.size(); ++i)
     if (!(c.weights[i] >= 0.0f && std::isfinite(c.weights[i])))
       refuse("connections.weights[" + std::to_string(i) + "] must be finite and >= 0, not " +
-             number(c.weights[i]));
+             printed(c.weights[i]));
 }
 
 void check_vertex_bits(const ClusterInput& input) {
@@ -78,7 +72,7 @@ void check_vertices(const ClusterInput& input, const ClusterConfig& config) {
   const size_t items = input.boxes.size();
   if (!(input.shared_vertex_weight >= 0.0f && std::isfinite(input.shared_vertex_weight)))
     refuse("shared_vertex_weight must be finite and >= 0, not " +
-           number(input.shared_vertex_weight));
+           printed(input.shared_vertex_weight));
   if (input.item_vertices.empty()) {
     if (items == 0) return;
     const bool has_bits = has_vertex_bits(input);
@@ -251,7 +245,7 @@ Box4 validate_triangles(const MeshView& mesh, const ClusterConfig& config,
     refuse("there are " + std::to_string(mesh.triangles.size()) +
            " triangles, more than 32-bit indices can name");
   if (!(shared_vertex_weight >= 0.0f && std::isfinite(shared_vertex_weight)))
-    refuse("shared_vertex_weight must be finite and >= 0, not " + number(shared_vertex_weight));
+    refuse("shared_vertex_weight must be finite and >= 0, not " + printed(shared_vertex_weight));
   if (config.max_vertices && config.max_vertices < 3)
     refuse("max_vertices is " + std::to_string(config.max_vertices) + ", too few for one triangle");
   Box4 box = Box4::empty();

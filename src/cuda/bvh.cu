@@ -1,6 +1,7 @@
 // The functions of umbel/cuda_bvh.hpp: the algorithms of bvh/compressed on an executor.
 
 #include "base/fields.hpp"
+#include "base/printed.hpp"
 #include "bvh/compressed/build_compact.hpp"
 #include "bvh/tree/config.hpp"
 #include "cuda/device_mesh.hpp"
@@ -22,7 +23,7 @@ void check_bvh_config(const DeviceBvhConfig& c) {
                                                  ", but must be from 1 to 8");
   if (!(c.presplit >= 0 && c.presplit <= 1))
     throw Error(ErrorCode::kInvalidArgument,
-                "presplit is " + std::to_string(c.presplit) + ", but must be from 0 to 1");
+                "presplit is " + printed(c.presplit) + ", but must be from 0 to 1");
   bvh::Config same;
   COPY_FIELDS(same, c, cost, hlbvh_bits, ploc_radius, treelet_size, treelet_rounds, kmeans);
   bvh::check_config(same, 0);

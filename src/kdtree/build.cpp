@@ -1,11 +1,11 @@
 // From a mesh or boxes to a kd-tree: checks the input, and runs a builder.
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <numeric>
 #include <string>
 
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "bvh/tree/config.hpp"
 #include "kdtree/builders.hpp"
 #include "kdtree/clip.hpp"
@@ -19,20 +19,12 @@ constexpr std::array<std::string_view, 2> kNames{"exact", "binned"};
 /// Nodes are numbered by 30 bits.
 constexpr uint64_t kMostReferences = uint64_t{1} << 28;
 
-/// In as few digits as tell it from others.
-template <typename Number>
-std::string shortest(Number value) {
-  std::array<char, 32> text;
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
-  return {text.data(), end};
-}
-
 template <typename Number>
 void check_range(const char* name, Number value, Number low, Number high) {
   if (value >= low && value <= high) return;
-  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + shortest(value) +
-                                               ", but must be from " + shortest(low) + " to " +
-                                               shortest(high));
+  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + printed(value) +
+                                               ", but must be from " + printed(low) + " to " +
+                                               printed(high));
 }
 
 void check_config(const Config& c) {

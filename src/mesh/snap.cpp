@@ -4,6 +4,7 @@
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "umbel/mesh.hpp"
 
 namespace umbel {
@@ -23,7 +24,7 @@ float snap_to_grid(std::span<Vec3> positions, float step) {
   int exponent = 0;
   if (!(step > 0) || !std::isfinite(step) || std::frexp(step, &exponent) != 0.5f)
     throw Error(ErrorCode::kInvalidArgument,
-                "step is " + std::to_string(step) + ", but must be a positive power of two");
+                "step is " + printed(step) + ", but must be a positive power of two");
   constexpr size_t kChunk = size_t{1} << 15;
   std::vector<double> farthest((positions.size() + kChunk - 1) / kChunk, 0.0);
   parallel_chunks(positions.size(), kChunk, [&](size_t begin, size_t end) {

@@ -6,10 +6,10 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
-#include <cstdio>
 
 #include "base/first_where.hpp"
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "base/progress.hpp"
 #include "mesh/streams.hpp"
 
@@ -80,22 +80,10 @@ bool vertex_is_finite(const MeshView& mesh, uint32_t vertex) {
            bad_in(mesh.uvs, vertex) || bad_in(mesh.colors, vertex));
 }
 
-template <typename Vector>
-std::string printed(const Vector& v) {
-  std::string text = "(";
-  for (float f : std::bit_cast<std::array<float, sizeof(Vector) / 4>>(v)) {
-    char number[32];
-    std::snprintf(number, sizeof number, "%.9g", static_cast<double>(f));
-    if (text.size() > 1) text += ", ";
-    text += f != f ? "nan" : number;
-  }
-  return text + ")";
-}
-
 std::string offending_value(const MeshView& mesh, uint32_t vertex) {
   const auto sentence = [&](const char* name, const auto& stream) {
     return std::string("the ") + name + " of vertex " + std::to_string(vertex) + " is " +
-           printed(stream[vertex]) + ", which is not finite";
+           printed_vector(stream[vertex]) + ", which is not finite";
   };
   if (bad_in(mesh.positions, vertex)) return sentence("position", mesh.positions);
   if (bad_in(mesh.normals, vertex)) return sentence("normal", mesh.normals);
@@ -104,7 +92,7 @@ std::string offending_value(const MeshView& mesh, uint32_t vertex) {
   if (bad_in(mesh.colors, vertex)) return sentence("colour", mesh.colors);
   const float value = *bad_extra(mesh, vertex);
   return "a further attribute of vertex " + std::to_string(vertex) + " has the value " +
-         printed(std::array<float, 1>{value}) + ", which " +
+         printed_vector(std::array<float, 1>{value}) + ", which " +
          (all_finite(std::array<float, 1>{value}) ? "is not the number of a joint"
                                                   : "is not finite");
 }

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/printed.hpp"
 #include "base/refuse.hpp"
 #include "lod/build/check_config.hpp"
 #include "scale/build_partition.hpp"
@@ -162,7 +163,7 @@ class Tiers {
                 std::to_string(measure.degenerate) + " of " + std::to_string(triangles_) +
                     " triangles lost their area when positions were rounded to 32-bit floats, "
                     "which moved vertices by up to " +
-                    std::to_string(measure.largest_move) +
+                    printed(measure.largest_move) +
                     ": the mesh is too large for its finest details; build parts of it that lie "
                     "closer together, or build it as it is with force");
   }

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "base/math.hpp"
+#include "base/printed.hpp"
 #include "base/refuse.hpp"
 #include "stream/cut_tracker.hpp"
 #include "umbel/stream.hpp"
@@ -53,7 +54,7 @@ ResidencyConfig with_limits(ResidencyConfig config) {
 void check(const ResidencyConfig& config) {
   const auto at_least = [](const char* name, double value, int least) {
     if (!(value >= least))
-      refuse(std::string(name) + " is " + std::to_string(value) + ", but must be at least " +
+      refuse(std::string(name) + " is " + printed(value) + ", but must be at least " +
              std::to_string(least));
   };
   at_least("hysteresis", double{config.hysteresis}, 1);
@@ -80,8 +81,8 @@ void check(const StreamView& view, size_t index, size_t meshes) {
     refuse_view(" must be by error or by camera");
   const float limit = by_camera ? v.threshold : v.error;
   if (!(limit >= 0))
-    refuse_view(" has the " + std::string(by_camera ? "threshold " : "error ") +
-                std::to_string(limit) + ", but it must not be negative");
+    refuse_view(" has the " + std::string(by_camera ? "threshold " : "error ") + printed(limit) +
+                ", but it must not be negative");
   if (by_camera && !is_finite(v.eye)) refuse_view(" has an eye that is not finite");
   for (size_t i = 0; i < view.planes.size(); ++i)
     if (!is_finite(view.planes[i].normal) || !std::isfinite(view.planes[i].offset))
@@ -382,7 +383,7 @@ Residency& Residency::operator=(Residency&&) noexcept = default;
 Residency::~Residency() = default;
 
 StreamStep Residency::step(std::span<const StreamView> views, double now) {
-  if (!std::isfinite(now)) refuse("now is " + std::to_string(now) + ", but must be finite");
+  if (!std::isfinite(now)) refuse("now is " + printed(now) + ", but must be finite");
   for (size_t i = 0; i < views.size(); ++i) check(views[i], i, state_->asset->meshes().size());
   if (state_->is_torn) state_ = state_->mended();
   State& state = *state_;

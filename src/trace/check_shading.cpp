@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "base/printed.hpp"
 #include "base/refuse.hpp"
 #include "trace/vector.hpp"
 
@@ -74,8 +75,8 @@ constexpr std::array kTextures{
 
 void check_range(const std::string& what, float value, float low, float high) {
   if (value >= low && value <= high) return;
-  refuse(what + " is " + std::to_string(value) + ", but must be from " + std::to_string(low) +
-         " to " + std::to_string(high));
+  refuse(what + " is " + printed(value) + ", but must be from " + printed(low) + " to " +
+         printed(high));
 }
 
 void check_color(const std::string& what, const Vec3& color, float high) {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "base/refuse.hpp"
 #include "base/shared_progress.hpp"
 #include "trace/camera.hpp"
@@ -28,7 +29,7 @@ void check(const Settings& s) {
   require(s.shadow_samples <= 2,
           "shadow_samples is " + std::to_string(s.shadow_samples) + ", but must be 0, 1 or 2");
   require(s.clamp >= 0.0f && std::isfinite(s.clamp),
-          "clamp is " + std::to_string(s.clamp) + ", but must be 0 or more and finite");
+          "clamp is " + printed(s.clamp) + ", but must be 0 or more and finite");
 }
 
 void check(const Film& film, const Settings& s) {

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "query/shape_kernels.hpp"
 #include "uniform/build_over.hpp"
 #include "uniform/octree_data.hpp"
@@ -216,7 +217,7 @@ void build_octree(const MeshView& mesh, const uniform::OctreeConfig& config,
 void check_config(const uniform::OctreeConfig& c) {
   const auto check = [](const char* name, double value, uint32_t low, uint32_t high) {
     if (!(value >= low && value <= high))
-      throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
+      throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + printed(value) +
                                                    ", but must be from " + std::to_string(low) +
                                                    " to " + std::to_string(high));
   };

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "base/radix_sort_pairs.hpp"
 #include "query/shape_kernels.hpp"
 #include "uniform/build_over.hpp"
@@ -212,9 +213,9 @@ class GridBuilder {
 void check_config(const uniform::GridConfig& c) {
   const auto check = [](const char* name, float value, float low, float high) {
     if (!(value >= low && value <= high))
-      throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
-                                                   ", but must be from " + std::to_string(low) +
-                                                   " to " + std::to_string(high));
+      throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + printed(value) +
+                                                   ", but must be from " + printed(low) + " to " +
+                                                   printed(high));
   };
   check("density", c.density, 0.001f, 16);
   check("leaf_density", c.leaf_density, 0.001f, 16);

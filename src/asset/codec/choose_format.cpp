@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/printed.hpp"
+
 namespace umbel::asset {
 namespace {
 
@@ -125,8 +127,8 @@ VertexFormat choose_format(const VertexStatistics& vertices, float position_step
   check_bits("tangent_bits", config.tangent_bits);
   check_bits("color_bits", config.color_bits);
   if (config.uv_step != 0 && !is_power_of_two(config.uv_step))
-    throw Error(ErrorCode::kInvalidArgument, "uv_step is " + std::to_string(config.uv_step) +
-                                                 ", but must be 0 or a power of two");
+    throw Error(ErrorCode::kInvalidArgument,
+                "uv_step is " + printed(config.uv_step) + ", but must be 0 or a power of two");
   const StreamStatistics& streams = vertices.streams;
   std::vector<AttributeFormat> attributes{positions_of(streams, position_step)};
   const bool octahedral = streams.normals && config.normal_bits > 0;

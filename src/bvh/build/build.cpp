@@ -4,13 +4,13 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
-#include <cstdio>
 #include <string>
 
 #include "base/cpu_buffer.hpp"
 #include "base/first_where.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "base/progress.hpp"
 #include "base/simd/box4.hpp"
 #include "bvh/build/builders.hpp"
@@ -74,17 +74,6 @@ void check_count(size_t primitives) {
                     std::to_string(kMaxPrimitives) + " that a tree can hold");
 }
 
-std::string printed(const Vec3& v) {
-  std::string text = "(";
-  for (const float f : {v.x, v.y, v.z}) {
-    char number[32];
-    std::snprintf(number, sizeof number, "%.9g", double(f));
-    if (text.size() > 1) text += ", ";
-    text += f != f ? "nan" : number;
-  }
-  return text + ")";
-}
-
 /// False for boxes that are empty or have a NaN or an infinity.
 bool is_valid(const Aabb& b) { return is_finite(b.min) && is_finite(b.max) && !is_empty(b); }
 
@@ -94,7 +83,8 @@ void check_boxes(Boxes boxes) {
   if (bad == boxes.size()) return;
   const Aabb& b = boxes[bad];
   throw Error(ErrorCode::kInvalidMesh,
-              "box " + std::to_string(bad) + " from " + printed(b.min) + " to " + printed(b.max) +
+              "box " + std::to_string(bad) + " from " + printed_vector(b.min) + " to " +
+                  printed_vector(b.max) +
                   (is_finite(b.min) && is_finite(b.max) ? " is empty" : " is not finite"));
 }
 
@@ -196,7 +186,7 @@ bool has_finite_corners(const MeshView& mesh, size_t triangle) {
   throw Error(ErrorCode::kInvalidMesh,
               "triangle " + std::to_string(triangle) + ", corner " + std::to_string(corner) +
                   ": the position of vertex " + std::to_string(vertex) + " is " +
-                  printed(mesh.positions[vertex]) + ", which is not finite");
+                  printed_vector(mesh.positions[vertex]) + ", which is not finite");
 }
 
 /// A position in the first three lanes. What follows it in memory may be read with it.

@@ -2,18 +2,12 @@
 #include "bvh/tree/config.hpp"
 
 #include <cmath>
-#include <cstdio>
 #include <string>
+
+#include "base/printed.hpp"
 
 namespace umbel::bvh {
 namespace {
-
-std::string printed(double value) {
-  if (value != value) return "nan";
-  char text[32];
-  std::snprintf(text, sizeof text, "%.9g", value);
-  return text;
-}
 
 void check_range(const char* name, double value, double low, double high) {
   if (value >= low && value <= high) return;
@@ -33,7 +27,7 @@ void check_costs(const CostModel& cost, bool (*is_right)(float), const char* nee
   const auto check = [&](const char* name, float value) {
     if (is_right(value) && std::isfinite(value)) return;
     throw Error(ErrorCode::kInvalidArgument,
-                std::string(name) + " is " + printed(double(value)) + ", but must be " + needed);
+                std::string(name) + " is " + printed(value) + ", but must be " + needed);
   };
   check("cost.traversal", cost.traversal);
   check("cost.intersection", cost.intersection);

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "base/printed.hpp"
 #include "base/progress.hpp"
 #include "base/refuse.hpp"
 #include "cluster/frame/build_frame.hpp"
@@ -40,7 +41,7 @@ cluster::CheckedFrameConfig cluster::CheckedFrameConfig::of(const FrameClusterCo
   if (config.max_vertices != 0)
     check_range("max_vertices", config.max_vertices, 3, TeamVertexTable::kMost);
   if (!(config.underfill_cost >= 0.0f && config.underfill_cost <= 4.0f))
-    refuse("underfill_cost must be from 0 to 4, not " + std::to_string(config.underfill_cost));
+    refuse("underfill_cost must be from 0 to 4, not " + printed(config.underfill_cost));
   if (config.code_bits != 0 && config.code_bits != 30 && config.code_bits != 63)
     refuse("code_bits must be 0, 30 or 63, not " + std::to_string(config.code_bits));
   constexpr uint64_t kManyTriangles = uint64_t(1) << 22;

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "base/printed.hpp"
 #include "base/refuse.hpp"
 
 namespace umbel::lod {
@@ -48,7 +49,7 @@ void check_config(const Config& config) {
       {"group_overlap_cost", config.group_overlap_cost}};
   for (const auto& [name, cost] : costs)
     require(cost >= 0.0f && cost <= 1.0f,
-            std::string(name) + " is " + std::to_string(cost) + ", must be in [0, 1]");
+            std::string(name) + " is " + printed(cost) + ", must be in [0, 1]");
   require(config.min_group >= 2,
           "min_group is " + std::to_string(config.min_group) + ", must be at least 2");
   require(config.max_group <= 1024,
@@ -57,9 +58,9 @@ void check_config(const Config& config) {
                                                     ", more than max_group, " +
                                                     std::to_string(config.max_group));
   require(config.ratio >= 0.1f && config.ratio <= 0.9f,
-          "ratio is " + std::to_string(config.ratio) + ", must be in [0.1, 0.9]");
+          "ratio is " + printed(config.ratio) + ", must be in [0.1, 0.9]");
   require(config.position_step == 0.0f || is_power_of_two(config.position_step),
-          "position_step is " + std::to_string(config.position_step) +
+          "position_step is " + printed(config.position_step) +
               ", must be 0 or a positive power of two");
   const std::pair<const char*, float> weights[] = {{"normal_weight", config.normal_weight},
                                                    {"uv_weight", config.uv_weight},
@@ -68,9 +69,9 @@ void check_config(const Config& config) {
                                                    {"skin_weight", config.skin_weight}};
   for (const auto& [name, weight] : weights)
     require(weight >= 0.0f && weight <= 1e3f,
-            std::string(name) + " is " + std::to_string(weight) + ", must be in [0, 1000]");
+            std::string(name) + " is " + printed(weight) + ", must be in [0, 1000]");
   require(config.max_error >= 0.0f,
-          "max_error is " + std::to_string(config.max_error) + ", must be at least 0");
+          "max_error is " + printed(config.max_error) + ", must be at least 0");
 }
 
 Config with_limits(const Config& config) {

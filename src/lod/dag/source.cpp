@@ -8,6 +8,7 @@
 #include "base/big_vector.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "lod/dag/cluster_topology.hpp"
 #include "mesh/weld.hpp"
 
@@ -71,8 +72,8 @@ Source make_source(const MeshView& input, const BuildOptions& options) {
   const Aabb box = bounds(mesh.view());
   for (float c : {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z})
     if (!mesh.triangles.empty() && std::fabs(c) > kLargestCoordinate)
-      throw Error(ErrorCode::kUnsupported, "coordinate " + std::to_string(c) +
-                                               " is too large: the limit is 1e18 in magnitude");
+      throw Error(ErrorCode::kUnsupported,
+                  "coordinate " + printed(c) + " is too large: the limit is 1e18 in magnitude");
   if (!mesh.triangles.empty()) source.scale = simplification_scale(box);
 
   if (std::any_of(mesh.materials.begin(), mesh.materials.end(),

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -15,7 +16,7 @@ InstanceSpace space_of(const Transform& transform) {
   if (!space.is_invertible())
     throw Error(ErrorCode::kInvalidArgument,
                 "a transform must be finite and invertible, but has the determinant " +
-                    std::to_string(space.determinant()));
+                    printed(space.determinant()));
   return space;
 }
 

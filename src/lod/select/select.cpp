@@ -9,6 +9,7 @@
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "base/printed.hpp"
 #include "lod/select/cull.hpp"
 
 namespace umbel::lod {
@@ -112,7 +113,7 @@ void check(const Tables& tables, const View& view, const Culling& culling) {
     if (!(std::fabs(length - 1) <= 1e-5) || !std::isfinite(plane.offset))
       reject("planes[" + std::to_string(i) +
              "] must have a normal of length 1 and a finite offset, but has the length " +
-             std::to_string(length) + " and the offset " + std::to_string(plane.offset));
+             printed(length) + " and the offset " + printed(plane.offset));
   }
   if (culling.normal_cones.empty()) return;
   if (culling.normal_cones.size() != tables.clusters.size())

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "base/math.hpp"
+#include "base/printed.hpp"
 #include "base/refuse.hpp"
 #include "lod/select/refine.hpp"
 #include "umbel/lod/select.hpp"
@@ -40,8 +41,7 @@ Plane plane_through(const Row& normal, const Row& at, double offset) {
 }  // namespace
 
 View view_error(float error) {
-  if (!(error >= 0))
-    refuse("view_error: error must be at least 0, but is " + std::to_string(error));
+  if (!(error >= 0)) refuse("view_error: error must be at least 0, but is " + printed(error));
   View view;
   view.kind = View::Kind::kError;
   view.error = error;

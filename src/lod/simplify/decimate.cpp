@@ -9,6 +9,7 @@
 
 #include "base/find_root.hpp"
 #include "base/math.hpp"
+#include "base/printed.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -36,7 +37,7 @@ void validate_result(const DecimationInput& input, const DecimationResult& made)
                ", but there are " + std::to_string(given) + " and " + std::to_string(added) +
                " added");
   if (!(made.error >= 0) || !std::isfinite(made.error))
-    reject("error is " + std::to_string(made.error) + ", must be at least 0 and finite");
+    reject("error is " + printed(made.error) + ", must be at least 0 and finite");
   const auto fits = [&](const auto& stream, const auto& values, const char* name) {
     const size_t needed = stream.empty() ? 0 : added;
     if (values.size() != needed)

@@ -1,21 +1,13 @@
 // Numbers as they stand in the sentences of a verification report.
 #include "lod/verify/findings.hpp"
 
-#include <cstdio>
+#include "base/printed.hpp"
 
 namespace umbel::lod {
 
-std::string text(double value) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.9g", value);
-  return buffer;
-}
+std::string text(float value) { return printed(value); }
 
-std::string text(const Vec3& p) {
-  char buffer[96];
-  std::snprintf(buffer, sizeof buffer, "(%.9g, %.9g, %.9g)", double{p.x}, double{p.y}, double{p.z});
-  return buffer;
-}
+std::string text(const Vec3& p) { return printed_vector(p); }
 
 std::string text(const Sphere& sphere) {
   return "sphere of radius " + text(sphere.radius) + " around " + text(sphere.center);

@@ -9,7 +9,7 @@
 namespace umbel::lod {
 
 /// Nine digits, enough to tell any two floats apart.
-std::string text(double value);
+std::string text(float value);
 std::string text(const Vec3& position);
 std::string text(const Sphere& sphere);
 std::string number(uint64_t value);

@@ -393,11 +393,10 @@ TEST(Residency, refuses_what_cannot_be_by_its_name) {
     change(config);
     expect_refusal(sentence, [&] { Residency(world().asset(), config); });
   };
-  refuses("hysteresis is 0.500000, but must be at least 1", [](auto& c) { c.hysteresis = 0.5f; });
+  refuses("hysteresis is 0.5, but must be at least 1", [](auto& c) { c.hysteresis = 0.5f; });
   refuses("backoff_seconds is nan, but must be at least 0",
           [](auto& c) { c.backoff_seconds = std::nan(""); });
-  refuses("slow_seconds is -1.000000, but must be at least 0",
-          [](auto& c) { c.slow_seconds = -1; });
+  refuses("slow_seconds is -1, but must be at least 0", [](auto& c) { c.slow_seconds = -1; });
   Residency residency(world().asset());
   const std::string pinned = std::to_string(residency.statistics().pinned_bytes);
   const std::string small = " bytes is too small: the pages of the root groups take " + pinned;
@@ -416,7 +415,7 @@ TEST(Residency, refuses_what_cannot_be_by_its_name) {
   refuses_view("views[1] has an eye that is not finite", {0, view, {}});
   view = seen_from({0, 0, 3});
   view.threshold = -1;
-  refuses_view("views[1] has the threshold -1.000000, but it must not be negative", {0, view, {}});
+  refuses_view("views[1] has the threshold -1, but it must not be negative", {0, view, {}});
   view = lod::view_error(0);
   view.error = nan;
   refuses_view("views[1] has the error nan, but it must not be negative", {0, view, {}});

@@ -424,8 +424,7 @@ TEST(BuildBvhMistakes, are_named) {
   };
   EXPECT_EQ(with([](auto& c) { c.max_leaf_size = 9; }),
             "max_leaf_size is 9, but must be from 1 to 8");
-  EXPECT_EQ(with([](auto& c) { c.presplit = 1.5f; }),
-            "presplit is 1.500000, but must be from 0 to 1");
+  EXPECT_EQ(with([](auto& c) { c.presplit = 1.5f; }), "presplit is 1.5, but must be from 0 to 1");
   EXPECT_EQ(with([](auto& c) { c.presplit = std::nanf(""); }),
             "presplit is nan, but must be from 0 to 1");
   EXPECT_EQ(with([](auto& c) { c.builder = DeviceBuilder(77); }), "builder 77 does not exist");

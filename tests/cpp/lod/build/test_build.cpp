@@ -309,12 +309,17 @@ TEST(Build, impossible_configs_are_refused_by_the_name_of_the_field) {
       {"skin_weight", &Config::skin_weight}};
   for (const auto& [name, weight] : weights)
     EXPECT_EQ(sentence([&](Config& c) { c.*weight = 1001; }),
-              std::string(name) + " is 1001.000000, must be in [0, 1000]");
+              std::string(name) + " is 1001, must be in [0, 1000]");
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  for (const float step : {3.0f, -0.5f, nan, std::numeric_limits<float>::infinity()})
+  const std::pair<float, const char*> steps[] = {{3.0f, "3"},
+                                                 {-0.5f, "-0.5"},
+                                                 {1e-9f, "1e-09"},
+                                                 {nan, "nan"},
+                                                 {std::numeric_limits<float>::infinity(), "inf"}};
+  for (const auto& [step, printed] : steps)
     EXPECT_EQ(
-        sentence([&](Config& c) { c.position_step = step; }),
-        "position_step is " + std::to_string(step) + ", must be 0 or a positive power of two");
+        sentence([&, step = step](Config& c) { c.position_step = step; }),
+        std::string("position_step is ") + printed + ", must be 0 or a positive power of two");
 }
 
 // The margin between a group's error and those of its generating groups, without which rounding far
