@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <charconv>
+#include <cmath>
 #include <concepts>
 #include <cstdio>
 #include <string>
@@ -14,7 +15,7 @@ namespace umbel {
 template <typename Number>
 std::string printed(Number value) {
   if constexpr (std::floating_point<Number>) {
-    if (value != value) return "nan";
+    if (std::isnan(value)) return "nan";
     std::array<char, 32> text;
 #if defined(__cpp_lib_to_chars)
     return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
