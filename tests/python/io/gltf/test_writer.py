@@ -351,12 +351,17 @@ def test_an_assets_cameras_are_the_files(tmp_path: Path) -> None:
     assert shown.cameras[0].fov_y == wanted.fov_y
 
 
-def test_a_lightmap_keeps_its_image(tmp_path: Path) -> None:
+def _with_texture() -> GltfBuilder:
     b = GltfBuilder()
     png = io.BytesIO()
     Image.new("RGB", (4, 4)).save(png, "PNG")
     b.root["images"] = [{"bufferView": b.view(png.getvalue()), "mimeType": "image/png"}]
     b.root["textures"] = [{"source": 0}]
+    return b
+
+
+def test_a_lightmap_keeps_its_image(tmp_path: Path) -> None:
+    b = _with_texture()
     b.root["materials"] = [{"extensions": {"MOZ_lightmap": {"index": 0, "intensity": 0.5}}}]
     arrays = {"POSITION": TETRA_POSITIONS, "TEXCOORD_0": TETRA_POSITIONS[:, :2].copy()}
     b.scene(b.node(mesh=b.mesh(b.primitive(arrays, INDICES, material=0))))
@@ -380,11 +385,7 @@ def test_images_keep_the_names_of_their_files(tmp_path: Path) -> None:
 
 
 def test_textures_of_meshes_without_uvs_are_lost_with_a_warning(tmp_path: Path) -> None:
-    b = GltfBuilder()
-    png = io.BytesIO()
-    Image.new("RGB", (4, 4)).save(png, "PNG")
-    b.root["images"] = [{"bufferView": b.view(png.getvalue()), "mimeType": "image/png"}]
-    b.root["textures"] = [{"source": 0}]
+    b = _with_texture()
     b.root["materials"] = [{"name": "a", "normalTexture": {"index": 0}}]
     b.scene(b.node(mesh=b.mesh(b.primitive({"POSITION": TETRA_POSITIONS}, INDICES, material=0))))
     mesh = umbel.load(saved(tmp_path, b))
